@@ -1,0 +1,127 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "core/boundary/window.h"
+#include "core/geometry/path.h"
+#include "core/sensor/lidar.h"
+
+namespace roadvec {
+
+struct SegmentConfig {
+  double step_m = 0.09;  ///< the paper group's published obstacle height
+  double structure_step_m =
+      0.5;               ///< measured: matching on what is higher finds its way, lower cells move with the sensor
+  double span_m = 2.2;   ///< height of a car with its sensor: what is higher is driven under [He2018, III-A-2]
+  double slope = 0.08;   ///< steepest street that is still road: 8 %
+  int lowest_count = 3;  ///< the paper's m
+  int return_count = 2;  ///< fewer returns in a cell are noise (choice)
+  double body_ahead_m = 3.9, body_behind_m = 1.2, body_side_m = 1.1;  ///< a passenger car around its rear axle (choice)
+};
+template <class Visitor>
+void visit_fields(SegmentConfig& c, Visitor&& field) {
+  field("segment.step_m", c.step_m, 0.02, 1.0, "height above the road from which a return belongs to a boundary");
+  field("segment.structure_step_m", c.structure_step_m, 0.1, 2.0,
+        "height from which it also belongs to tall structure");
+  field("segment.span_m", c.span_m, 0.5, 6.0, "height above the road beyond which the vehicle passes underneath");
+  field("segment.slope", c.slope, 0.0, 0.3, "slope of the road that is not taken for a step");
+  field("segment.lowest_count", c.lowest_count, 1, 10, "lowest cells nearby whose mean is the road's height");
+  field("segment.return_count", c.return_count, 1, 20, "returns that make a cell an obstacle");
+  field("segment.body_ahead_m", c.body_ahead_m, 0.0, 20.0,
+        "own bodywork ahead of the rear axle: returns inside are dropped");
+  field("segment.body_behind_m", c.body_behind_m, 0.0, 20.0, "own bodywork behind the rear axle");
+  field("segment.body_side_m", c.body_side_m, 0.0, 5.0, "own bodywork to each side");
+}
+
+/// Where the LiDAR sits in the vehicle frame: p_vehicle = rotation * p_lidar + translation.
+struct LidarMounting {
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d translation_m = Eigen::Vector3d::Zero();
+};
+/// R = Rz(yaw) Ry(pitch) Rx(roll).
+[[nodiscard]] LidarMounting mounting_from(const Eigen::Vector3d& translation_m, double roll_rad, double pitch_rad,
+                                          double yaw_rad);
+
+/// What one sweep shows: cells of the road's boundaries, cells of tall structure, and which cells were seen at all.
+struct Segmentation {
+  explicit Segmentation(const WindowConfig& config)
+      : boundary(config), structure(config), seen(boundary.window().cell_count(), 0) {}
+  CellMap boundary;
+  CellMap structure;
+  std::vector<std::uint8_t>
+      seen;                      ///< 1: some return lies in the cell, so that a boundary there would have been noticed
+  std::size_t return_count = 0;  ///< inside the window
+};
+
+/// Step 1, segment: returns -> obstacle cells [He2018, III-A-2].
+///
+/// Each return is de-skewed with the path and dropped into a cell. The road's height at a cell is the mean of the
+/// lowest returns nearby; a return between step_m and span_m above it belongs to a boundary. Differs from the paper:
+/// "nearby" is a square metre centred on the cell instead of a fixed coarser cell, because a kerb on a coarse cell's
+/// rim leaves no step inside any cell; and it leans with the steepest slope allowed, so that a hill is not a step.
+/// Cost: two passes over the returns, one over the cells touched. No allocation.
+class Segmenter {
+ public:
+  Segmenter(const SegmentConfig& config, const WindowConfig& window, const LidarMounting& mounting,
+            std::size_t max_returns);
+  /// `path` covers the sweep. Window coordinates; the window is centred on the vehicle at the path's end. Valid until
+  /// next call.
+  const Segmentation& run(const Sweep& sweep, const Path& path_odom) noexcept;
+
+ private:
+  struct Point {
+    float x_m, y_m, z_m;  // window coordinates, height above the vehicle's ground plane
+    std::int32_t cell;    // -1: outside
+  };
+  struct Cell {
+    float highest_m;
+    float step_m, structure_m, limit_m;  // heights; step_m .. limit_m is what counts as an obstacle
+    float road_m;
+    std::int32_t tally;  // into tallies_, -1: none yet
+  };
+  static constexpr Cell kEmptyCell{-1e30F, 0, 0, 0, 0, -1};
+  struct Moments {
+    std::uint32_t count = 0;
+    float x_m = 0, y_m = 0, xx_m2 = 0, yy_m2 = 0;
+    void add(float x, float y) noexcept;
+  };
+  struct Tally {
+    std::int32_t cell;
+    float x0_m, y0_m;  // first return: sums are kept relative to it, floats would not hold squares of whole coordinates
+    Moments boundary, structure;
+    float top_m = -100;
+  };
+  static constexpr int kReach = 2;         // cells each way: the square metre around a cell
+  static constexpr int kCoarseCells = 10;  // 2 m: wide enough to hold road beside any obstacle
+
+  void place(const Sweep& sweep, const Path& path_odom) noexcept;
+  void find_road() noexcept;
+  void tally_obstacles() noexcept;
+  void report() noexcept;
+  [[nodiscard]] BoundaryCell cell_of(const Tally& tally, const Moments& moments) const noexcept;
+  void find_streets() noexcept;
+  [[nodiscard]] float lowest_nearby(int column, int row) const noexcept;
+  [[nodiscard]] float road_height(int column, int row) const noexcept;
+  /// First of the kReach columns and rows around (column, row) in lowest_m_, whose rim of kReach cells is always empty.
+  [[nodiscard]] std::size_t corner(int column, int row) const noexcept {
+    return static_cast<std::size_t>(row) * stride_ + static_cast<std::size_t>(column);
+  }
+
+  SegmentConfig config_;
+  Window window_;
+  LidarMounting mounting_;
+  std::vector<Point> points_;
+  std::vector<Cell> cells_;
+  std::size_t stride_;           // of lowest_m_
+  std::vector<float> lowest_m_;  // per cell, apart from the rest: it is read most
+  std::vector<std::int32_t> touched_;
+  int coarse_size_;
+  std::vector<float> coarse_lowest_m_, street_m_;  // per coarse cell: lowest return in it; in it and its neighbours
+  std::vector<Tally> tallies_;
+  Segmentation result_;
+};
+
+}  // namespace roadvec

@@ -1,0 +1,88 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <span>
+#include <vector>
+
+#include "core/graph/close_loop.h"
+#include "core/graph/keyframe_store.h"
+#include "core/graph/optimise.h"
+#include "core/graph/pose_graph.h"
+#include "core/map/concatenate.h"
+#include "core/map/vector_map.h"
+#include "core/pipeline/config.h"
+#include "core/pipeline/keyframe.h"
+#include "core/pipeline/report.h"
+
+namespace roadvec {
+
+struct TrajectoryPoint {
+  SensorTime time;
+  Pose2 T_map_vehicle;
+};
+
+struct BackEndReport {
+  std::uint64_t keyframe_count = 0;
+  CloseLoopReport loops;
+  std::uint64_t optimise_count = 0, failed_optimise_count = 0;
+  std::uint64_t loops_switched_off_count = 0;  ///< accepted, but contradicted by the rest of the graph at present
+  std::uint64_t rederive_count = 0;            ///< how often the map was derived again from its keyframes
+  std::uint64_t line_count = 0, vertex_count = 0;
+  double map_length_m = 0;
+};
+
+/// Steps 7 to 9 of the flowchart: keyframes in, the map and its changes out. Owns the map and `map <- odom`.
+///
+/// Ordinary thread: allocates. Same keyframes, same bytes. Between closures the work of add() does not grow with the
+/// drive.
+class BackEnd {
+ public:
+  /// `T_map_odom_start`: where the odometry's origin lies in the map, e.g. the anchor's heading; `probe` outlives this.
+  BackEnd(const PipelineConfig& config, const Pose2& T_map_odom_start, StepProbe& probe);
+
+  /// Keyframes come in order. Valid until the next call.
+  const MapChange& add(const Keyframe& keyframe);
+  /// The drive is over: everything that hysteresis held back is published.
+  const MapChange& finish();
+
+  [[nodiscard]] const VectorMap& map() const { return concatenator_.map(); }
+  [[nodiscard]] const Pose2& T_map_odom() const { return T_map_odom_; }
+  [[nodiscard]] std::span<const TrajectoryPoint> trajectory() const { return trajectory_; }
+  [[nodiscard]] const BackEndReport& report() const { return report_; }
+
+ private:
+  void take(const Keyframe& keyframe);
+  void optimise_for(std::span<const PoseEdge> loops);
+  void optimise();
+  void follow_poses();
+  [[nodiscard]] bool due_again() const;
+  [[nodiscard]] double map_lag_m() const;
+  void concatenate();
+  void concatenate(std::size_t keyframe);
+  void count_changes();
+
+  PipelineConfig config_;
+  StepProbe& probe_;
+  LoopCloser loop_closer_;
+  Optimiser optimiser_;
+  Concatenator concatenator_;
+  PoseGraph graph_;
+  std::vector<KeptKeyframe> keyframes_;
+  std::vector<Pose2> mapped_poses_;  ///< from where each keyframe's lines were put into the map
+  std::vector<TrajectoryPoint> trajectory_;
+  Pose2 T_map_odom_;
+  double last_rederived_m_ = 0;  ///< path travelled then
+  bool unsolved_loops_ = false;
+  bool poses_moved_ = false;  ///< since the map was derived
+  LineSet lvm_;
+  struct LineSize {
+    std::uint64_t vertex_count = 0;
+    double length_m = 0;
+  };
+  std::map<LineId, LineSize> line_sizes_;  ///< counted already, so that a change costs no walk over the map
+  MapChange change_;
+  BackEndReport report_;
+};
+
+}  // namespace roadvec

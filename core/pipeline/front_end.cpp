@@ -1,0 +1,149 @@
+#include "core/pipeline/front_end.h"
+
+#include <cmath>
+
+namespace roadvec {
+namespace {
+
+constexpr std::size_t kVertexReserve = 16384, kLineReserve = 2048;  // a window holds 160 000 cells, a scan 1440 hits
+
+}  // namespace
+
+FrontEnd::FrontEnd(const PipelineConfig& config, const FrontEndSetup& setup, StepProbe& probe)
+    : config_(config),
+      probe_(probe),
+      odometry_(config.odometry, setup.vehicle),
+      segmenter_(config.segment, config.window, setup.lidar, setup.max_returns_per_sweep),
+      sweep_boundary_scanner_(config.virtual_scan),
+      sweep_structure_scanner_(config.virtual_scan),
+      boundary_scanner_(config.virtual_scan),
+      structure_scanner_(config.virtual_scan),
+      boundary_grid_(config.fuse, config.window, FreeSpace::where_seen),
+      structure_grid_(config.fuse, config.window, FreeSpace::where_passed),
+      sweep_vectoriser_(config.vectorise),
+      boundary_vectoriser_(config.vectorise),
+      structure_vectoriser_(config.vectorise),
+      boundary_simplifier_(config.simplify),
+      structure_simplifier_(config.simplify),
+      matcher_(config.match),
+      mounting_(setup.lidar) {
+  sweep_lines_.reserve(kVertexReserve, kLineReserve);
+  local_map_odom_.reserve(kVertexReserve, kLineReserve);
+  raw_lvm_ = lvm_ = structure_ = &local_map_odom_;
+}
+
+Keyframe* FrontEnd::add(const Sweep& sweep, std::span<const MotionSample> motion, Keyframe* slot) noexcept {
+  probe_.begin();
+  const Path& path_odom = odometry_.integrate(motion, sweep.start, sweep.end);  // 0 odometry
+  const Pose2 predicted = odometry_.pose();
+  probe_.done(Step::odometry);
+
+  const Segmentation& obstacles = segmenter_.run(sweep, path_odom);  // 1 segment
+  probe_.done(Step::segment);
+
+  const Eigen::Vector2d eye_odom = predicted * Eigen::Vector2d(mounting_.translation_m.head<2>());
+  const VirtualScan& boundary = sweep_boundary_scanner_.run(obstacles.boundary, eye_odom);  // 2 virtual scan
+  const VirtualScan& structure = sweep_structure_scanner_.run(obstacles.structure, eye_odom);
+  probe_.done(Step::virtual_scan);
+
+  // Differs from the paper: step 6 comes before step 3, sweep against local map, because a sweep fused where the
+  // odometry alone puts it blurs the very grid that it would be matched with.
+  match_sweep(structure, boundary);  // 6 match, or the prediction
+  const Pose2 corrected = odometry_.pose();
+  const Pose2 correction = corrected * predicted.inverse();
+  probe_.done(Step::match);
+
+  boundary_grid_.fuse(boundary, sweep_boundary_scanner_, obstacles.seen, correction);  // 3 fuse
+  structure_grid_.fuse(structure, sweep_structure_scanner_, obstacles.seen, correction);
+  probe_.done(Step::fuse);
+
+  const Eigen::Vector2d seat_odom = correction * eye_odom;
+  raw_lvm_ =
+      &boundary_vectoriser_.run(boundary_scanner_.run(boundary_grid_.cells(), seat_odom), Pose2{});  // 4 vectorise
+  const LineSet& raw_structure =
+      structure_vectoriser_.run(structure_scanner_.run(structure_grid_.cells(), seat_odom), Pose2{});
+  probe_.done(Step::vectorise);
+
+  lvm_ = &boundary_simplifier_.run_all(*raw_lvm_);  // 5 simplify
+  structure_ = &structure_simplifier_.run_all(raw_structure);
+  probe_.done(Step::simplify);
+
+  report_.sweep_count += 1;
+  report_.travelled_m += (last_pose_.inverse() * corrected).translation().norm();
+  last_pose_ = corrected;
+  return take_keyframe(slot);
+}
+
+void FrontEnd::match_sweep(const VirtualScan& structure, const VirtualScan& boundary) noexcept {
+  const Pose2 predicted = odometry_.pose();
+  const Pose2 T_vehicle_odom = predicted.inverse();
+  sweep_lines_.clear();
+  sweep_lines_.append(sweep_vectoriser_.run(structure, T_vehicle_odom));
+  sweep_lines_.append(sweep_vectoriser_.run(boundary, T_vehicle_odom));
+  local_map_odom_.clear();
+  if (structure_ != &local_map_odom_) {
+    local_map_odom_.append(*structure_);
+    local_map_odom_.append(*lvm_);
+  }
+  matcher_.set_reference(local_map_odom_);
+  match_ = matcher_.run(sweep_lines_, predicted, odometry_.pose_covariance());
+  if (match_.usable()) {
+    odometry_.correct(match_.pose, match_.information);
+    ++report_.match_accepted_count;
+  } else {
+    ++report_.match_rejected_count;
+  }
+}
+
+Keyframe* FrontEnd::take_keyframe(Keyframe* slot) noexcept {
+  const Pose2 pose = odometry_.pose();
+  const Pose2 moved = last_keyframe_pose_.inverse() * pose;
+  const bool far_enough = moved.translation().norm() >= config_.keyframe.spacing_m ||
+                          std::abs(moved.theta_rad) >= config_.keyframe.spacing_rad;
+  if (slot == nullptr || (has_keyframe_ && !far_enough)) return nullptr;
+  slot->index = report_.keyframe_count;
+  slot->time = odometry_.time();
+  slot->T_odom_vehicle = pose;
+  slot->covariance_since_previous = odometry_.relative_covariance();
+  slot->travelled_m = report_.travelled_m;
+  copy_near(*lvm_, pose.inverse(), slot->lvm);
+  copy_near(*structure_, pose.inverse(), slot->structure);
+  odometry_.begin_relative();
+  last_keyframe_pose_ = pose;
+  has_keyframe_ = true;
+  ++report_.keyframe_count;
+  report_.raw_vertex_count += raw_lvm_->vertices().size();
+  report_.kept_vertex_count += lvm_->vertices().size();
+  return slot;
+}
+
+/// Runs of vertices within the keyframe's range; a line that leaves the range and returns becomes two.
+void FrontEnd::copy_near(const LineSet& lines_odom, const Pose2& T_vehicle_odom, LineSet& out) const {
+  out.clear();
+  const double range2_m2 = config_.keyframe.range_m * config_.keyframe.range_m;
+  for (const LineSet::Line& line : lines_odom.lines()) {
+    const std::span<const Vertex> vertices = lines_odom.vertices_of(line);
+    bool inside = false;
+    for (std::size_t i = 0; i < vertices.size(); ++i) {
+      const Eigen::Vector2d p = T_vehicle_odom * vertices[i].position();
+      if (p.squaredNorm() > range2_m2) {
+        if (inside) out.lines().back().attributes.last_end = EndKind::unseen;
+        inside = false;
+        continue;
+      }
+      if (!inside) {
+        if (!out.empty() && out.lines().back().count < 2) out.drop_last_line();
+        out.begin_line(line.attributes);
+        if (i > 0) out.lines().back().attributes.first_end = EndKind::unseen;
+      }
+      inside = true;
+      Vertex vertex = vertices[i];
+      vertex.x_m = p.x();
+      vertex.y_m = p.y();
+      out.push_vertex(vertex);
+    }
+  }
+  if (!out.empty() && out.lines().back().count < 2) out.drop_last_line();
+}
+
+}  // namespace roadvec

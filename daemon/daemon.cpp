@@ -1,0 +1,182 @@
+#include "daemon/daemon.h"
+
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <random>
+#include <stdexcept>
+
+#include "core/base/angle.h"
+#include "daemon/results.h"
+#include "daemon/threads.h"
+
+namespace roadvec {
+namespace {
+
+constexpr std::size_t kFrameLogBytes = 16 << 20;  // six minutes of deltas
+constexpr std::chrono::milliseconds kSupervision{1000}, kProgress{200};
+
+template <class T>
+T or_throw(Expected<T> value) {
+  if (!value) throw std::runtime_error(value.error().message);
+  return std::move(*value);
+}
+
+/// Told apart from every earlier map by chance; a drive's map has no clients, and the same drive gives the same bytes.
+MapHead first_head(InputKind kind) {
+  if (kind == InputKind::recorded) return {.epoch = 1, .seq = 0};
+  std::random_device random;
+  return {.epoch = (static_cast<std::uint64_t>(random()) << 32 | random()) | 1, .seq = 0};
+}
+
+}  // namespace
+
+Daemon::Daemon(const Settings& settings, InputKind kind, Service& service)
+    : settings_(settings),
+      kind_(kind),
+      when_full_(kind == InputKind::recorded ? WhenFull::wait : WhenFull::refuse),
+      service_(service),
+      sweeps_(when_full_, mapping_bell_),
+      motion_(when_full_, mapping_bell_),
+      keyframes_(when_full_, optimiser_bell_),
+      frames_(kFrameLogBytes),
+      started_(std::chrono::steady_clock::now()) {
+  if (!settings_.anchor) {
+    throw std::runtime_error(
+        "[anchor] is missing: give the start fix (latitude_deg, longitude_deg, height_m, yaw_deg)");
+  }
+  LidarInput lidar = or_throw(open_lidar(settings_.lidar, kind, lidar_counters_));
+  vehicle_inputs_ = or_throw(open_vehicle(settings_, kind));
+  const MapHead head = first_head(kind);
+  lidar_.emplace(std::move(lidar.source), lidar.model, lidar.calibration, lidar.options, lidar_counters_, sweeps_);
+  vehicle_.emplace(std::move(vehicle_inputs_.inputs), motion_);
+  mapping_.emplace(settings_.pipeline, front_end_setup(settings_, lidar.model), sweeps_, motion_, mapping_bell_,
+                   keyframes_, poses_);
+  const Pose2 T_map_odom_start{0, 0, rad_from_deg(settings_.anchor->yaw_deg)};
+  optimiser_.emplace(settings_.pipeline, T_map_odom_start, keyframes_, optimiser_bell_, frames_, head);
+  if (kind == InputKind::recorded) return;
+  MapServerConfig server;
+  server.socket_path = settings_.server.socket;
+  server.start = head;
+  server.facts = {.server_version = ROADVEC_VERSION, .anchor = anchor_of(settings_)};
+  server_.emplace(server, frames_, poses_, [this] { return status(); });
+}
+
+int Daemon::run(const std::filesystem::path& output) {
+  if (kind_ == InputKind::live && settings_.real_time.lock_memory && !lock_memory()) {
+    spdlog::warn(
+        "memory is not locked: raise LimitMEMLOCK (systemd) or ulimit -l, or set real_time.lock_memory = false");
+  }
+  start_threads();
+  Service::ready();
+  supervise();
+  Service::stopping();
+  input_stop_.request_stop();
+  for (std::jthread& thread : threads_) {
+    if (&thread != &threads_.back() || !server_) thread.join();
+  }
+  server_stop_.request_stop();
+  threads_.clear();
+  take_reports();
+  const int written = write_results(output);
+  if (!lidar_->error().empty()) {
+    spdlog::error("{}", lidar_->error());
+    return 1;
+  }
+  return written;
+}
+
+void Daemon::start_threads() {
+  const RealTimeSettings none{.lidar_priority = 0, .vehicle_priority = 0, .mapping_priority = 0, .lock_memory = false};
+  const RealTimeSettings real_time = kind_ == InputKind::live ? settings_.real_time : none;
+  const auto start = [this](const char* name, int priority, int cpu, auto&& body) {
+    threads_.emplace_back([name, priority, cpu, body] {
+      if (!set_up_thread(name, priority, cpu)) {
+        spdlog::warn("{} runs without real-time priority {} on cpu {}: raise LimitRTPRIO, or set it to 0", name,
+                     priority, cpu);
+      }
+      body();
+    });
+  };
+  start("rv-lidar", real_time.lidar_priority, real_time.lidar_cpu, [this] {
+    lidar_->run(input_stop_.get_token());
+    input_over_ = true;
+  });
+  start("rv-vehicle", real_time.vehicle_priority, real_time.vehicle_cpu,
+        [this] { vehicle_->run(input_stop_.get_token()); });
+  start("rv-mapping", real_time.mapping_priority, real_time.mapping_cpu,
+        [this] { mapping_->run(hard_stop_.get_token()); });
+  start("rv-optimiser", 0, real_time.background_cpu, [this] {
+    optimiser_->run(hard_stop_.get_token());
+    map_finished_ = true;
+  });
+  if (!server_) return;
+  start("rv-server", 0, real_time.background_cpu, [this] {
+    if (!server_->run(server_stop_.get_token())) {
+      spdlog::critical("the map server lost its copy of the map; stopping");
+      ::kill(::getpid(), SIGTERM);
+    }
+  });
+}
+
+void Daemon::supervise() {
+  const auto turn = kind_ == InputKind::live ? kSupervision : kProgress;
+  while (!map_finished_) {
+    const std::optional<int> signal = service_.wait_for_signal(turn);
+    take_reports();
+    log_progress();
+    if (every_stage_moved()) service_.feed_watchdog();
+    if (signal == SIGHUP)
+      spdlog::warn("SIGHUP: this version reads its configuration at start only; restart to apply changes");
+    if (signal == SIGINT || signal == SIGTERM) {
+      spdlog::info("asked to stop: mapping what was received, then writing the map");
+      return;
+    }
+    if (input_over_ && kind_ == InputKind::live) return;  // the socket failed
+  }
+}
+
+void Daemon::take_reports() {
+  const std::scoped_lock lock(reports_mutex_);
+  mapping_report_ = mapping_->reports().load();
+  optimiser_report_ = optimiser_->reports().load();
+}
+
+bool Daemon::every_stage_moved() {
+  const std::array<std::uint64_t, 4> turns{lidar_->turns().value(), vehicle_->turns().value(),
+                                           mapping_->turns().value(), optimiser_->turns().value()};
+  bool moved = true;
+  for (std::size_t i = 0; i < turns.size(); ++i) moved = moved && turns[i] != last_turns_[i];
+  last_turns_ = turns;
+  return moved;
+}
+
+void Daemon::log_progress() {
+  const wire::Status now = status();
+  std::string line = fmt::format("{} | {} sweeps, {} keyframes, {:.0f} m driven, {:.0f} m of boundary, {} loops",
+                                 now.state, mapping_->sweep_count().value(), now.keyframe_count, now.travelled_m,
+                                 now.map_length_m, now.loop_closure_count);
+  if (!now.not_growing_reason.empty()) line += " | " + now.not_growing_reason;
+  Service::status(line);
+  if (kind_ == InputKind::recorded) {
+    if (::isatty(STDERR_FILENO) != 0) fmt::print(stderr, "\r\x1b[K{}", line);
+    if (map_finished_ && ::isatty(STDERR_FILENO) != 0) fmt::print(stderr, "\n");
+  } else {
+    spdlog::debug("{}", line);
+  }
+}
+
+int Daemon::write_results(const std::filesystem::path& output) const {
+  const Results results{.back_end = optimiser_->back_end(), .anchor = anchor_of(settings_), .status = status()};
+  const Expected<void> written = write_all(results, output);
+  if (!written) {
+    spdlog::error("{}", written.error().message);
+    return 1;
+  }
+  spdlog::info("map written to {}: {:.0f} m of boundary in {} lines, {} keyframes", output.string(),
+               results.status.map_length_m, results.status.line_count, results.status.keyframe_count);
+  return 0;
+}
+
+}  // namespace roadvec

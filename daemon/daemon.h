@@ -1,0 +1,82 @@
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <stop_token>
+#include <thread>
+#include <vector>
+
+#include "daemon/sensors.h"
+#include "daemon/server/map_server.h"
+#include "daemon/service.h"
+#include "daemon/stages/lidar_stage.h"
+#include "daemon/stages/mapping_stage.h"
+#include "daemon/stages/optimiser_stage.h"
+#include "daemon/stages/vehicle_stage.h"
+
+namespace roadvec {
+
+/// The wiring: every ring, stage and thread.
+///
+///   lidar   --sweeps--> mapping --keyframes--> optimiser --frames--> server (live)
+///   vehicle --motion--> mapping --pose-------------------------------> server
+///
+/// Nothing flows back. The main thread reads counters, tells systemd and the log, and stops the rest: inputs first,
+/// then each stage ends when its channel is closed and empty, so nothing that was received is lost.
+class Daemon {
+ public:
+  /// Opens every input and socket and reserves all memory; throws std::runtime_error with one line and the remedy.
+  Daemon(const Settings& settings, InputKind kind, Service& service);
+
+  /// Until the recording is over or SIGINT or SIGTERM comes. Then writes the map to `output`. Gives the exit status.
+  int run(const std::filesystem::path& output);
+
+  [[nodiscard]] wire::Status status() const;
+
+ private:
+  void start_threads();
+  void supervise();
+  void take_reports();
+  void log_progress();
+  [[nodiscard]] bool every_stage_moved();
+  [[nodiscard]] wire::Stage lidar_status() const;
+  [[nodiscard]] wire::Stage vehicle_status() const;
+  [[nodiscard]] wire::Stage mapping_status() const;
+  [[nodiscard]] wire::Stage optimiser_status() const;
+  int write_results(const std::filesystem::path& output) const;
+
+  const Settings settings_;
+  const InputKind kind_;
+  const WhenFull when_full_;
+  Service& service_;
+
+  Doorbell mapping_bell_, optimiser_bell_;
+  SweepChannel sweeps_;
+  MotionChannel motion_;
+  KeyframeChannel keyframes_;
+  Latest<PoseReport> poses_;
+  FrameLog frames_;
+
+  LidarCounters lidar_counters_;
+  VehicleInputs vehicle_inputs_;
+  std::optional<LidarStage> lidar_;
+  std::optional<VehicleStage> vehicle_;
+  std::optional<MappingStage> mapping_;
+  std::optional<OptimiserStage> optimiser_;
+  std::optional<MapServer> server_;
+
+  std::stop_source input_stop_, hard_stop_, server_stop_;
+  std::atomic<bool> input_over_{false}, map_finished_{false};
+  std::vector<std::jthread> threads_;
+  std::chrono::steady_clock::time_point started_;
+  std::array<std::uint64_t, 4> last_turns_{};
+
+  mutable std::mutex reports_mutex_;  ///< main and server thread; no real-time thread comes near it
+  MappingReport mapping_report_;
+  OptimiserReport optimiser_report_;
+};
+
+}  // namespace roadvec

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/pipeline/front_end.h"
+#include "daemon/config/settings.h"
+#include "daemon/stages/motion_input.h"
+#include "drivers/velodyne/calibration.h"
+#include "drivers/velodyne/counters.h"
+#include "drivers/velodyne/packet_source.h"
+#include "drivers/velodyne/sweep_decoder.h"
+
+namespace roadvec {
+
+/// A drive's files or the car's interfaces.
+enum class InputKind : std::uint8_t { live, recorded };
+
+struct LidarInput {
+  LidarModel model{};
+  Calibration calibration;
+  SweepDecoderOptions options;
+  std::unique_ptr<PacketSource> source;
+};
+/// Opens what [lidar] names. `counters` outlives the source.
+[[nodiscard]] Expected<LidarInput> open_lidar(const LidarSettings& settings, InputKind kind, LidarCounters& counters);
+
+/// The motion inputs of [vehicle] and [imu], with what the report needs of them.
+struct VehicleInputs {
+  std::vector<std::unique_ptr<MotionInput>> inputs;
+  const CanInput* can = nullptr;    ///< borrowed from inputs; null: the car has none
+  const XsensInput* imu = nullptr;  ///< borrowed from inputs; null: the car has none
+};
+[[nodiscard]] Expected<VehicleInputs> open_vehicle(const Settings& settings, InputKind kind);
+
+[[nodiscard]] FrontEndSetup front_end_setup(const Settings& settings, LidarModel model);
+
+}  // namespace roadvec

@@ -1,0 +1,106 @@
+#include <GeographicLib/LocalCartesian.hpp>
+#include <cmath>
+
+#include "core/map/tiles.h"
+#include "daemon/server/map_files.h"
+#include "daemon/server/text_writer.h"
+
+namespace roadvec {
+namespace {
+
+/// Root of the mean square over the vertices.
+template <class Sigma>
+double rms(const MapLine& line, Sigma&& sigma) {
+  double sum = 0;
+  for (const Vertex& v : line.vertices) sum += sigma(v) * sigma(v);
+  return line.vertices.empty() ? 0 : std::sqrt(sum / static_cast<double>(line.vertices.size()));
+}
+
+std::string coordinates(const MapLine& line, const GeographicLib::LocalCartesian& enu) {
+  std::string text = "[";
+  for (const Vertex& v : line.vertices) {
+    // Through whole millimetres: what has been over the wire and what has not print alike.
+    const auto published_m = [](double m) { return m_from_mm(mm_from_m(m)); };
+    double latitude_deg = 0, longitude_deg = 0, height_m = 0;
+    enu.Reverse(published_m(v.x_m), published_m(v.y_m), published_m(v.z_m), latitude_deg, longitude_deg, height_m);
+    text += text.size() > 1 ? ",[" : "[";
+    text += decimal(longitude_deg, 9) + "," + decimal(latitude_deg, 9) + "," + decimal(height_m, 4) + "]";
+  }
+  return text + "]";
+}
+
+std::string feature(const MapLine& line, const GeographicLib::LocalCartesian& enu) {
+  const LineAttributes& a = line.attributes;
+  std::string text = "{\"type\":\"Feature\",\"id\":" + std::to_string(line.id) + ",\"properties\":{";
+  text += "\"id\":" + std::to_string(line.id) + ",\"revision\":" + std::to_string(line.revision);
+  text += ",\"kind\":" + json_text(name_of(a.kind)) + ",\"height_m\":" + decimal(a.height_m, 3);
+  text += ",\"existence\":" + decimal(a.existence, 3) + ",\"observation_count\":" + std::to_string(a.observation_count);
+  text += ",\"first_end\":" + json_text(name_of(a.first_end)) + ",\"last_end\":" + json_text(name_of(a.last_end));
+  text +=
+      ",\"first_seen_s\":" + seconds_text(line.first_seen.ns) + ",\"last_seen_s\":" + seconds_text(line.last_seen.ns);
+  text += ",\"sigma_across_m\":" +
+          decimal(rms(line, [](const Vertex& v) { return m_from_mm(mm_from_m(v.sigma_across_m)); }), 3);
+  text += ",\"sigma_along_m\":" +
+          decimal(rms(line, [](const Vertex& v) { return m_from_mm(mm_from_m(v.sigma_along_m)); }), 3);
+  text += "},\"geometry\":{\"type\":\"LineString\",\"coordinates\":" + coordinates(line, enu) + "}}";
+  return text;
+}
+
+}  // namespace
+
+std::string_view name_of(BoundaryKind kind) {
+  switch (kind) {
+    case BoundaryKind::curb:
+      return "curb";
+    case BoundaryKind::barrier:
+      return "barrier";
+    case BoundaryKind::vegetation:
+      return "vegetation";
+    case BoundaryKind::vehicle_row:
+      return "vehicle_row";
+    case BoundaryKind::unknown:
+      break;
+  }
+  return "unknown";
+}
+
+std::string_view name_of(EndKind kind) {
+  switch (kind) {
+    case EndKind::open:
+      return "open";
+    case EndKind::occluded:
+      return "occluded";
+    case EndKind::unseen:
+      break;
+  }
+  return "unseen";
+}
+
+double length_m(const VectorMap& map) {
+  double length_m = 0;
+  for (const auto& [id, line] : map) {
+    for (std::size_t i = 1; i < line.vertices.size(); ++i) {
+      length_m += (line.vertices[i].position() - line.vertices[i - 1].position()).norm();
+    }
+  }
+  return length_m;
+}
+
+std::string geojson_of(const VectorMap& map, const Anchor& anchor) {
+  const GeographicLib::LocalCartesian enu(anchor.latitude_deg, anchor.longitude_deg, anchor.height_m);
+  std::string text =
+      "{\"type\":\"FeatureCollection\",\n\"anchor\":{\"latitude_deg\":" + decimal(anchor.latitude_deg, 10) +
+      ",\"longitude_deg\":" + decimal(anchor.longitude_deg, 10) + ",\"height_m\":" + decimal(anchor.height_m, 4) +
+      ",\"yaw_deg\":" + decimal(anchor.yaw_deg, 6) + "},\n\"features\":[";
+  bool first = true;
+  for (const auto& [id, line] : map) {
+    // A LineString has at least two positions [RFC 7946, 3.1.4].
+    if (line.vertices.size() < 2) continue;
+    text += first ? "\n" : ",\n";
+    text += feature(line, enu);
+    first = false;
+  }
+  return text + "\n]}\n";
+}
+
+}  // namespace roadvec

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <vector>
+
+#include "core/map/tiles.h"
+#include "core/wire/messages.h"
+#include "daemon/server/frame_log.h"
+
+namespace roadvec {
+
+/// How far the published map has come: the newest change, and the epoch it belongs to.
+struct MapHead {
+  std::uint64_t epoch = 0, seq = 0;
+};
+
+/// Optimiser thread: changes of the map -> encoded Delta and EpochChange frames in the log. The same changes give the
+/// same bytes.
+class MapPublisher {
+ public:
+  /// `start` is the head before the first change; the MapServer of the same log gets the same. For a map that goes on
+  /// after a restart, publish all its lines first, as one change.
+  MapPublisher(FrameLog& log, MapHead start);
+
+  /// `map` is the map after the change. A closed loop is announced by an EpochChange (with the next epoch) before the
+  /// lines move. A change too big for one frame takes several. `wait(bytes)` is called before each append: wait there
+  /// while !log.has_room(bytes) if nothing may be lost.
+  template <class Wait>
+  void publish(const MapChange& change, const VectorMap& map, Wait&& wait) {
+    for (const wire::Message& message : messages_for(change, map)) {
+      const std::string_view frame = encode(message);
+      wait(frame.size());
+      log_.append(frame);
+    }
+  }
+  [[nodiscard]] MapHead head() const { return head_; }
+
+ private:
+  [[nodiscard]] std::vector<wire::Message> messages_for(const MapChange& change, const VectorMap& map);
+  [[nodiscard]] std::string_view encode(const wire::Message& message);
+  wire::Delta next_delta(const MapChange& change);
+
+  FrameLog& log_;
+  MapHead head_;
+  Pose2 T_map_odom_;
+  TileTable tiles_;
+  std::vector<char> buffer_;
+};
+
+}  // namespace roadvec

@@ -1,0 +1,259 @@
+#include "daemon/server/map_server.h"
+
+#include <poll.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cmath>
+
+namespace roadvec {
+namespace {
+
+using Reason = wire::Bye::Reason;
+
+/// Requests answered for one client before the others have their turn.
+constexpr int kMostTurns = 32;
+constexpr double kPoseTick_s = 0.01, kOrdinaryTick_s = 0.25;
+
+double steady_now_s() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+void add(std::atomic<std::uint64_t>& counter, std::uint64_t count) {
+  counter.fetch_add(count, std::memory_order_relaxed);
+}
+
+}  // namespace
+
+wire::Stage stage_of(const ServerCounters& counters, std::size_t client_count) {
+  static constexpr std::array<const char*, std::tuple_size_v<decltype(ServerCounters::closed_count)>> kClosed = {
+      "closed_by_client", "closed_shutdown",     "closed_protocol_version", "closed_hello_timeout",
+      "closed_malformed", "closed_frame_length", "closed_frame_timeout",    "closed_stalled",
+      "closed_too_many",  "closed_unexpected",   "closed_map_lost"};
+  wire::Stage stage;
+  stage.name = "server";
+  stage.state = "ok";
+  const auto count = [&](const char* name, const std::atomic<std::uint64_t>& value) {
+    stage.counters.push_back({name, value.load(std::memory_order_relaxed)});
+  };
+  count("clients_connected", counters.connected_count);
+  count("requests", counters.requests_count);
+  count("frames_sent", counters.frames_sent_count);
+  count("bytes_sent", counters.bytes_sent_count);
+  count("clients_overrun", counters.overruns_count);
+  count("poses_skipped", counters.poses_skipped_count);
+  count("accept_errors", counters.accept_errors_count);
+  for (std::size_t i = 0; i < kClosed.size(); ++i) count(kClosed[i], counters.closed_count[i]);
+  stage.gauges.push_back({"clients", static_cast<double>(client_count)});
+  return stage;
+}
+
+MapServer::MapServer(const MapServerConfig& config, FrameLog& log, Latest<PoseReport>& poses, StatusProvider status)
+    : config_(config),
+      poses_(poses),
+      status_provider_(std::move(status)),
+      listener_(config.socket_path, config.socket_mode, config.adopted_fd),
+      map_(log, config.start),
+      conversation_(map_, config.facts) {}
+
+bool MapServer::run(std::stop_token stop) {
+  const std::stop_callback wake(stop, [this] { map_.reader().ring(); });
+  while (true) {
+    wait(steady_now_s());
+    const double now_s = steady_now_s();
+    const bool stopping = stop.stop_requested();  // before take_new(): what was published before the stop is sent
+    if (map_.take_new() == ServedMap::Taken::lost) {
+      for (Session& session : sessions_) {
+        dismiss(session, {Reason::map_lost, "the server was overrun by its own log"}, now_s);
+        (void)session.send(now_s);
+      }
+      listener_.close();
+      return false;
+    }
+    if (now_s >= next_second_s_) every_second(now_s);
+    std::size_t i = 0;
+    work_is_left_ = false;
+    for (Session& session : sessions_) serve(session, events_[i++], now_s);
+    if (poses_.fresh()) send_pose(now_s);
+    close_finished();
+    if (stopping && !leaving_) begin_farewell(now_s);
+    if (leaving_ && (sessions_.empty() || now_s > farewell_until_s_)) return true;
+    if (!leaving_ && client_waits_) accept_clients(now_s);
+  }
+}
+
+void MapServer::wait(double now_s) {
+  std::vector<pollfd> polled;
+  polled.push_back({map_.reader().doorbell(), POLLIN, 0});
+  const bool accepting = !leaving_ && now_s >= accept_again_s_;
+  polled.push_back({accepting ? listener_.fd() : -1, POLLIN, 0});
+  for (const Session& session : sessions_) {
+    polled.push_back({session.fd(),
+                      static_cast<short>(session.has_output()    ? POLLOUT
+                                         : session.wants_input() ? POLLIN
+                                                                 : 0),
+                      0});
+  }
+  const double tick_s = work_is_left_ ? 0 : wants_poses() || leaving_ ? kPoseTick_s : kOrdinaryTick_s;
+  ::poll(polled.data(), polled.size(), static_cast<int>(tick_s * 1000));
+  client_waits_ = polled[1].revents != 0;
+  events_.clear();
+  for (std::size_t i = 2; i < polled.size(); ++i) events_.push_back(polled[i].revents);
+}
+
+void MapServer::accept_clients(double now_s) {
+  while (true) {
+    FileDescriptor socket = listener_.accept();
+    if (socket.get() < 0) {
+      if (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR || errno == ECONNABORTED) return;
+      // Out of descriptors or memory: the connection stays in the queue and would wake us at once, so try again a
+      // little later.
+      add(counters_.accept_errors_count, 1);
+      accept_again_s_ = now_s + 1;
+      return;
+    }
+    add(counters_.connected_count, 1);
+    Session& session = sessions_.emplace_back(std::move(socket), now_s);
+    const auto here =
+        std::ranges::count_if(sessions_, [](const Session& s) { return s.state != Session::State::leaving; });
+    if (static_cast<std::size_t>(here) > config_.most_clients) {
+      dismiss(session, {Reason::too_many_clients, "at most " + std::to_string(config_.most_clients) + " clients"},
+              now_s);
+      if (!session.send(now_s) || !session.has_output() || sessions_.size() > 2 * config_.most_clients)
+        sessions_.pop_back();
+    }
+  }
+}
+
+void MapServer::every_second(double now_s) {
+  next_second_s_ = now_s + 1;
+  wire::Status status = status_provider_();
+  status.server_version = config_.facts.server_version;
+  status.epoch = map_.head().epoch;
+  status.head_seq = map_.head().seq;
+  status.tile_count = map_.replica().tiles().size();
+  status.stages.push_back(stage_of(counters_, sessions_.size()));
+  const SharedFrame frame = map_.encoder().encode(status);
+  const SharedFrame heartbeat = map_.encoder().encode(wire::Heartbeat{map_.head().epoch, map_.head().seq});
+  conversation_.set_status(frame);
+  for (Session& session : sessions_) {
+    if (session.state != Session::State::greeted || session.has_output()) continue;
+    session.queue(heartbeat, now_s);
+    if (session.following && session.following->status) session.queue(frame, now_s);
+  }
+}
+
+bool MapServer::wants_poses() const {
+  return std::ranges::any_of(sessions_, [](const Session& s) { return s.following && s.following->poses; });
+}
+
+void MapServer::send_pose(double now_s) {
+  const PoseReport& report = poses_.load();
+  conversation_.set_pose(report);
+  if (!wants_poses()) return;
+  const SharedFrame frame = map_.encoder().encode(
+      wire::Pose{report.time, report.epoch, report.T_map_odom * report.T_odom_vehicle, report.T_odom_vehicle,
+                 report.T_map_odom, report.covariance, report.speed_mps, report.yaw_rate_radps});
+  for (Session& session : sessions_) {
+    if (!session.following || !session.following->poses || now_s < session.following->next_pose_s) continue;
+    if (session.has_output()) {
+      add(counters_.poses_skipped_count, 1);
+      continue;
+    }
+    session.following->next_pose_s = now_s + session.following->interval_s;
+    session.queue(frame, now_s);
+    if (!session.send(now_s)) close_left(session, now_s);
+    count_sent(session);
+  }
+}
+
+void MapServer::serve(Session& session, short events, double now_s) {
+  if ((events & (POLLIN | POLLHUP | POLLERR)) != 0 && !session.has_output() && !session.receive(now_s)) {
+    // What had come before it left is still answered, as far as it can be read: a client may ask and shut down its
+    // side.
+    advance(session, now_s);
+    if (session.state != Session::State::leaving) add(counters_.closed_count[0], 1);
+    session.enter(Session::State::closed, now_s);
+    return;
+  }
+  advance(session, now_s);
+  enforce_time_limits(session, now_s);
+}
+
+void MapServer::advance(Session& session, double now_s) {
+  using State = Session::State;
+  for (int turn = 0; turn < kMostTurns; ++turn) {
+    if (!session.send(now_s)) close_left(session, now_s);
+    count_sent(session);
+    if (session.has_output() || session.state == State::closed) return;
+    if (session.state == State::leaving) return session.enter(State::closed, now_s);
+    if (leaving_ && conversation_.caught_up(session)) {
+      dismiss(session, {Reason::shutdown, "roadvecd stops"}, now_s);
+      continue;
+    }
+    // In the middle of a change in several frames nothing is answered: a snapshot would show half of it.
+    const auto envelope = leaving_ || !map_.replica().consistent() ? std::nullopt : session.input().next();
+    if (envelope) {
+      session.frame_taken(now_s);
+      if (const auto bye = conversation_.answer(session, *envelope, now_s)) dismiss(session, *bye, now_s);
+    } else if (session.input().wrong_length()) {
+      dismiss(session, {Reason::frame_length, "a frame of 0 bytes, or of more than 1 MiB"}, now_s);
+    } else if (!conversation_.follow(session, now_s, leaving_)) {
+      return;
+    }
+  }
+  work_is_left_ = true;
+}
+
+void MapServer::enforce_time_limits(Session& session, double now_s) {
+  using State = Session::State;
+  if (session.state == State::closed) return;
+  if (session.state == State::awaiting_hello && now_s - session.since_s() > config_.hello_timeout_s) {
+    dismiss(session, {Reason::hello_timeout, "no Hello in time"}, now_s);
+  } else if (session.state != State::leaving && session.half_frame(now_s, config_.half_frame_timeout_s)) {
+    dismiss(session, {Reason::frame_timeout, "half a frame"}, now_s);
+  } else if (session.state != State::leaving && session.stalled(now_s, config_.stall_timeout_s)) {
+    dismiss(session, {Reason::stalled, "not reading"}, now_s);
+  } else if (session.state == State::leaving && now_s - session.since_s() > config_.farewell_s) {
+    session.enter(State::closed, now_s);
+  } else {
+    return;
+  }
+  if (session.state == State::leaving) advance(session, now_s);
+}
+
+void MapServer::dismiss(Session& session, const wire::Bye& bye, double now_s) {
+  if (session.state == Session::State::leaving || session.state == Session::State::closed) return;
+  add(counters_.closed_count[static_cast<std::size_t>(bye.reason)], 1);
+  session.leave(map_.encoder().encode(bye), now_s);
+}
+
+void MapServer::close_left(Session& session, double now_s) {
+  if (session.state != Session::State::leaving && session.state != Session::State::closed)
+    add(counters_.closed_count[0], 1);
+  session.enter(Session::State::closed, now_s);
+}
+
+void MapServer::begin_farewell(double now_s) {
+  leaving_ = true;
+  farewell_until_s_ = now_s + config_.farewell_s;
+  listener_.close();
+  for (Session& session : sessions_) {
+    if (session.state == Session::State::awaiting_hello) dismiss(session, {Reason::shutdown, "roadvecd stops"}, now_s);
+  }
+  work_is_left_ = true;
+}
+
+void MapServer::count_sent(Session& session) {
+  add(counters_.frames_sent_count, std::exchange(session.sent_frames, 0));
+  add(counters_.bytes_sent_count, std::exchange(session.sent_bytes, 0));
+}
+
+void MapServer::close_finished() {
+  std::erase_if(sessions_, [](const Session& session) { return session.state == Session::State::closed; });
+  counters_.requests_count.store(conversation_.request_count(), std::memory_order_relaxed);
+  counters_.overruns_count.store(conversation_.overrun_count(), std::memory_order_relaxed);
+}
+
+}  // namespace roadvec

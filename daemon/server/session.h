@@ -1,0 +1,75 @@
+#pragma once
+
+#include <deque>
+#include <optional>
+
+#include "core/wire/frame_assembler.h"
+#include "daemon/server/file_descriptor.h"
+#include "daemon/server/served_map.h"
+
+namespace roadvec {
+
+/// One client's connection: bytes in, frames out, and how far it has come. Times are seconds on a steady clock, given
+/// by the caller.
+class Session {
+ public:
+  enum class State { awaiting_hello, greeted, leaving, closed };
+
+  /// What a subscriber wants and how far it is.
+  struct Following {
+    std::optional<wire::Area> area;
+    std::uint64_t seq = 0;  ///< newest change it was sent
+    double interval_s = 0;  ///< least time between two batches of changes, and between two poses
+    bool poses = false, status = false;
+    double next_changes_s = 0, next_pose_s = 0;
+  };
+
+  Session(FileDescriptor socket, double now_s)
+      : socket_(std::move(socket)), since_s_(now_s), input_(wire::kMostClientBytes) {}
+
+  [[nodiscard]] int fd() const { return socket_.get(); }
+  /// Nothing waits in either direction: requests are answered one by one, so that a client that asks and does not read
+  /// stops itself.
+  [[nodiscard]] bool wants_input() const {
+    return output_.empty() && state != State::leaving && !input_.has_envelope();
+  }
+  /// Reads once what has come. false: the other side is gone.
+  [[nodiscard]] bool receive(double now_s);
+  [[nodiscard]] wire::FrameAssembler& input() { return input_; }
+  void queue(SharedFrame frame, double now_s);
+  /// Sends as much as the socket takes. false: the other side is gone.
+  [[nodiscard]] bool send(double now_s);
+  [[nodiscard]] bool has_output() const { return !output_.empty(); }
+
+  /// Queues a last frame after the one that is being sent; whatever else waits is dropped.
+  void leave(SharedFrame bye, double now_s);
+  /// Whoever has neither read for this long while frames wait nor finished a frame it began.
+  [[nodiscard]] bool stalled(double now_s, double limit_s) const {
+    return has_output() && now_s - progress_s_ > limit_s;
+  }
+  [[nodiscard]] bool half_frame(double now_s, double limit_s) const {
+    return !has_output() && input_.has_bytes() && now_s - input_progress_s_ > limit_s;
+  }
+  [[nodiscard]] double since_s() const { return since_s_; }  ///< when the state was entered
+  void enter(State next, double now_s) {
+    state = next;
+    since_s_ = now_s;
+  }
+  /// A whole frame was taken, so the next one has its own time.
+  void frame_taken(double now_s) { input_progress_s_ = now_s; }
+
+  State state = State::awaiting_hello;
+  std::optional<Following> following;
+  std::uint64_t sent_bytes = 0, sent_frames = 0;  ///< taken by the owner into its counters
+
+ private:
+  FileDescriptor socket_;
+  double since_s_;
+  wire::FrameAssembler input_;
+  double input_progress_s_ = 0;
+  std::deque<SharedFrame> output_;
+  std::size_t sent_of_front_ = 0;
+  double progress_s_ = 0;
+};
+
+}  // namespace roadvec

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <string>
+
+#include "daemon/stages/channels.h"
+#include "daemon/stages/step_timer.h"
+#include "drivers/velodyne/packet_source.h"
+#include "drivers/velodyne/sweep_decoder.h"
+
+namespace roadvec {
+
+/// Thread `rv-lidar`: packets -> sweeps. Receives, decodes and assembles straight into the ring's slots.
+class LidarStage final : private SweepSink {
+ public:
+  LidarStage(std::unique_ptr<PacketSource> source, LidarModel model, const Calibration& calibration,
+             const SweepDecoderOptions& options, LidarCounters& counters, SweepChannel& sweeps);
+
+  /// Until the recording ends, reading fails or stop is asked for; then closes the channel.
+  void run(const std::stop_token& stop) noexcept;
+
+  [[nodiscard]] const StepTimer& timer() const { return timer_; }
+  [[nodiscard]] const Counter& turns() const { return turns_; }
+  [[nodiscard]] const Counter& sweeps_published() const { return published_; }
+  /// Why reading ended before the end of the recording; empty: it did not. Read it after run().
+  [[nodiscard]] std::string_view error() const { return source_->error(); }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  Sweep* claim() noexcept override;
+  void publish() noexcept override;
+
+  std::unique_ptr<PacketSource> source_;
+  SweepChannel& sweeps_;
+  SweepDecoder decoder_;
+  StepTimer timer_;
+  Counter turns_, published_;
+  std::stop_token stop_;
+  std::chrono::nanoseconds decode_time_{0}, waited_{0};
+};
+
+}  // namespace roadvec

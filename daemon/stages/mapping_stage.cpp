@@ -1,0 +1,102 @@
+#include "daemon/stages/mapping_stage.h"
+
+#include <algorithm>
+
+namespace roadvec {
+namespace {
+
+constexpr std::chrono::milliseconds kMotionPatience{60};  // CAN's slowest wheel speeds come every 50 ms
+constexpr std::size_t kPendingSamples = 8192;
+
+}  // namespace
+
+MappingStage::MappingStage(const PipelineConfig& config, const FrontEndSetup& setup, SweepChannel& sweeps,
+                           MotionChannel& motion, Doorbell& bell, KeyframeChannel& keyframes, Latest<PoseReport>& poses)
+    : sweeps_(sweeps),
+      motion_(motion),
+      bell_(bell),
+      keyframes_(keyframes),
+      poses_(poses),
+      front_end_(config, setup, timer_),
+      preview_(config.odometry, setup.vehicle) {
+  pending_.reserve(kPendingSamples);
+  keyframes_.for_each_slot([](Keyframe& keyframe) {
+    keyframe.lvm.reserve(4096, 512);
+    keyframe.structure.reserve(4096, 512);
+  });
+}
+
+void MappingStage::run(const std::stop_token& stop) noexcept {
+  while (!stop.stop_requested()) {
+    turns_.add();
+    drain_motion();
+    const Sweep* sweep = sweeps_.front();
+    if (sweep != nullptr && motion_is_there(*sweep)) {
+      map_sweep(*sweep, stop);
+      sweeps_.pop();
+      waiting_for_ = nullptr;
+    } else if (sweeps_.finished()) {
+      break;
+    } else {
+      bell_.wait(kNap);
+    }
+  }
+  keyframes_.close();
+}
+
+/// Everything that has come and fits. Once a sample beyond the waiting sweep is there the rest may wait in the ring.
+void MappingStage::drain_motion() noexcept {
+  const std::size_t before = pending_.size();
+  while (pending_.size() < pending_.capacity()) {
+    const MotionSample* sample = motion_.front();
+    if (sample == nullptr) break;
+    if (sample->time < mapped_until_) late_.add();
+    pending_.push_back(*sample);
+    motion_.pop();
+  }
+  if (pending_.size() == before || mapped_.value() == 0) return;
+  const std::span<const MotionSample> fresh = std::span(pending_).subspan(before);
+  preview_.integrate(fresh, preview_.time(), std::max(preview_.time(), fresh.back().time));
+  publish_pose(preview_);
+}
+
+bool MappingStage::motion_is_there(const Sweep& sweep) noexcept {
+  if (!pending_.empty() && pending_.back().time > sweep.end) return true;
+  if (motion_.finished() || pending_.size() == pending_.capacity()) return true;
+  if (sweeps_.when_full() == WhenFull::wait) return false;
+  if (waiting_for_ != &sweep) {
+    waiting_for_ = &sweep;
+    waiting_since_ = Clock::now();
+  }
+  return Clock::now() - waiting_since_ > kMotionPatience;
+}
+
+void MappingStage::map_sweep(const Sweep& sweep, const std::stop_token& stop) noexcept {
+  const auto end = std::find_if(pending_.begin(), pending_.end(),
+                                [&sweep](const MotionSample& sample) { return sample.time > sweep.end; });
+  const auto count = static_cast<std::size_t>(end - pending_.begin());
+  Keyframe* slot = keyframes_.claim(stop);
+  if (front_end_.add(sweep, std::span(pending_).first(count), slot) != nullptr) keyframes_.publish();
+  pending_.erase(pending_.begin(), end);
+  mapped_until_ = sweep.end;
+  mapped_.add();
+
+  const Odometry& odometry = front_end_.odometry();
+  reports_.store({front_end_.report(), odometry.speed_source(), odometry.yaw_source(), odometry.gyro_bias_radps(),
+                  odometry.speed_scale(), odometry.steering_offset_rad(), front_end_.last_match().verdict, sweep.end});
+  preview_ = odometry;
+  if (!pending_.empty()) preview_.integrate(pending_, preview_.time(), std::max(preview_.time(), pending_.back().time));
+  publish_pose(preview_);
+}
+
+void MappingStage::publish_pose(const Odometry& odometry) noexcept {
+  PoseReport report;
+  report.time = odometry.time();
+  report.T_odom_vehicle = odometry.pose();
+  report.covariance = odometry.pose_covariance();
+  report.speed_mps = odometry.speed_mps();
+  report.yaw_rate_radps = odometry.yaw_rate_radps();
+  poses_.store(report);
+}
+
+}  // namespace roadvec

@@ -1,0 +1,39 @@
+#include "daemon/stages/optimiser_stage.h"
+
+#include <thread>
+
+namespace roadvec {
+
+OptimiserStage::OptimiserStage(const PipelineConfig& config, const Pose2& T_map_odom_start, KeyframeChannel& keyframes,
+                               Doorbell& bell, FrameLog& log, MapHead start)
+    : keyframes_(keyframes),
+      bell_(bell),
+      log_(log),
+      back_end_(config, T_map_odom_start, timer_),
+      publisher_(log, start) {}
+
+void OptimiserStage::run(const std::stop_token& stop) {
+  while (!keyframes_.finished()) {
+    turns_.add();
+    const Keyframe* keyframe = keyframes_.front();
+    if (keyframe == nullptr) {
+      bell_.wait(kNap);
+      continue;
+    }
+    const MapChange& change = back_end_.add(*keyframe);
+    keyframes_.pop();
+    taken_.add();
+    publish(change, stop);
+  }
+  publish(back_end_.finish(), stop);
+}
+
+void OptimiserStage::publish(const MapChange& change, const std::stop_token& stop) {
+  publisher_.publish(change, back_end_.map(), [&](std::size_t bytes) {
+    // Only the server's own copy of the map must not miss a frame, and it reads in no time; its clients have cursors.
+    while (!log_.has_room(bytes) && !stop.stop_requested()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  });
+  reports_.store({back_end_.report(), publisher_.head(), back_end_.T_map_odom()});
+}
+
+}  // namespace roadvec

@@ -1,0 +1,131 @@
+// What `roadvec status` shows and report.json keeps: every counter under the name of its stage.
+
+#include "daemon/daemon.h"
+
+namespace roadvec {
+namespace {
+
+const char* name_of(MotionSource source) {
+  switch (source) {
+    case MotionSource::none:
+      return "none";
+    case MotionSource::matching:
+      return "matching";
+    case MotionSource::steering:
+      return "steering";
+    case MotionSource::imu:
+      return "imu";
+    case MotionSource::wheels:
+      return "wheels";
+  }
+  return "none";
+}
+
+void add_timing(wire::Stage& stage, const StepTimer& timer, Step step) {
+  const DurationHistogram::Summary summary = timer.summary(step);
+  if (summary.count == 0) return;
+  stage.timings.push_back(
+      {kStepNames[static_cast<std::size_t>(step)], summary.count, summary.p50_us, summary.p99_us, summary.max_us});
+}
+
+}  // namespace
+
+wire::Stage Daemon::lidar_status() const {
+  wire::Stage stage{
+      .name = "lidar", .state = input_over_ ? "over" : "receiving", .counters = {}, .gauges = {}, .timings = {}};
+  if (lidar_counters_.received.value() == 0 && !input_over_) stage.state = "no packets";
+  visit_counters(lidar_counters_, [&stage](const char* name, const Counter& counter) {
+    stage.counters.push_back({name, counter.value()});
+  });
+  stage.counters.push_back({"sweeps", lidar_->sweeps_published().value()});
+  add_timing(stage, lidar_->timer(), Step::decode);
+  return stage;
+}
+
+wire::Stage Daemon::vehicle_status() const {
+  wire::Stage stage{.name = "vehicle", .state = "receiving", .counters = {}, .gauges = {}, .timings = {}};
+  if (vehicle_->sample_count().value() == 0) stage.state = "silent";
+  stage.counters = {{"samples", vehicle_->sample_count().value()}, {"ring_full", vehicle_->refused_count().value()}};
+  return stage;
+}
+
+wire::Stage Daemon::mapping_status() const {
+  const MappingReport& report = mapping_report_;
+  wire::Stage stage{.name = "mapping", .state = {}, .counters = {}, .gauges = {}, .timings = {}};
+  stage.state = std::string("speed from ") + name_of(report.speed_source) + ", yaw from " + name_of(report.yaw_source);
+  stage.counters = {{"sweeps", report.front_end.sweep_count},
+                    {"matched", report.front_end.match_accepted_count},
+                    {"unmatched", report.front_end.match_rejected_count},
+                    {"keyframes", report.front_end.keyframe_count},
+                    {"late_motion", mapping_->late_motion_count().value()},
+                    {"raw_vertices", report.front_end.raw_vertex_count},
+                    {"kept_vertices", report.front_end.kept_vertex_count}};
+  stage.gauges = {{"gyro_bias_radps", report.gyro_bias_radps},
+                  {"speed_scale", report.speed_scale},
+                  {"steering_offset_rad", report.steering_offset_rad}};
+  for (const Step step :
+       {Step::odometry, Step::segment, Step::virtual_scan, Step::match, Step::fuse, Step::vectorise, Step::simplify}) {
+    add_timing(stage, mapping_->timer(), step);
+  }
+  return stage;
+}
+
+wire::Stage Daemon::optimiser_status() const {
+  wire::Stage stage{.name = "optimiser",
+                    .state = map_finished_ ? "finished" : "running",
+                    .counters = {},
+                    .gauges = {},
+                    .timings = {}};
+  const BackEndReport& report = optimiser_report_.back_end;
+  stage.counters = {{"keyframes", report.keyframe_count},
+                    {"loop_attempts", report.loops.attempt_count},
+                    {"loop_no_candidate", report.loops.no_candidate_count},
+                    {"loop_too_few_lines", report.loops.too_few_lines_count},
+                    {"loop_poor_overlap", report.loops.poor_overlap_count},
+                    {"loop_poor_fit", report.loops.poor_fit_count},
+                    {"loop_diverged", report.loops.diverged_count},
+                    {"loop_ambiguous", report.loops.ambiguous_count},
+                    {"loop_contradicts_odometry", report.loops.contradicts_odometry_count},
+                    {"loop_waiting", report.loops.waiting_count},
+                    {"loop_accepted", report.loops.accepted_count},
+                    {"loop_switched_off", report.loops_switched_off_count},
+                    {"solves", report.optimise_count},
+                    {"failed_solves", report.failed_optimise_count},
+                    {"map_rederived", report.rederive_count},
+                    {"map_lines", report.line_count},
+                    {"map_vertices", report.vertex_count}};
+  for (const Step step : {Step::close_loop, Step::optimise, Step::concatenate})
+    add_timing(stage, optimiser_->timer(), step);
+  return stage;
+}
+
+wire::Status Daemon::status() const {
+  const std::scoped_lock lock(reports_mutex_);
+  wire::Status status;
+  status.time = mapping_report_.time;
+  status.server_version = ROADVEC_VERSION;
+  status.epoch = optimiser_report_.head.epoch;
+  status.head_seq = optimiser_report_.head.seq;
+  const BackEndReport& back_end = optimiser_report_.back_end;
+  status.keyframe_count = back_end.keyframe_count;
+  status.loop_closure_count = back_end.loops.accepted_count;
+  status.line_count = back_end.line_count;
+  status.map_length_m = back_end.map_length_m;
+  status.travelled_m = mapping_report_.front_end.travelled_m;
+  status.uptime_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started_).count();
+  status.stages = {lidar_status(), vehicle_status(), mapping_status(), optimiser_status()};
+  status.state = map_finished_ ? "finished" : input_over_ ? "finishing" : "mapping";
+  if (lidar_counters_.received.value() == 0) {
+    status.not_growing_reason = lidar_counters_.wrong_length.value() + lidar_counters_.foreign_source.value() > 0
+                                    ? "datagrams come, but none is a data packet of the configured sensor"
+                                    : "no LiDAR packets on the port";
+  } else if (lidar_->sweeps_published().value() == 0) {
+    status.not_growing_reason = "packets come, but no whole revolution yet";
+  } else if (mapping_report_.front_end.sweep_count > 0 && mapping_report_.speed_source == MotionSource::none) {
+    status.not_growing_reason = "no motion: neither wheel speed nor a match";
+  }
+  if (!status.not_growing_reason.empty() && !input_over_) status.state = "waiting";
+  return status;
+}
+
+}  // namespace roadvec

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "core/base/error.h"
+#include "drivers/can/can_reader.h"
+#include "drivers/recording/recording_file.h"
+
+namespace roadvec {
+
+/// Reads what candump has written. Lines without a time are bad: their frames cannot be put beside other sensors.
+class CandumpReader : public CanReader {
+ public:
+  /// `interface`: take the frames of this one alone; "" takes all.
+  [[nodiscard]] static Expected<std::unique_ptr<CandumpReader>> open(const std::string& path,
+                                                                     const std::string& interface = "");
+
+  [[nodiscard]] CanReadResult read(CanFrame& frame, std::chrono::milliseconds timeout) noexcept override;
+  [[nodiscard]] std::string_view interface_name(std::uint8_t interface) const noexcept override;
+  [[nodiscard]] const CanCounters& counters() const noexcept override { return counters_; }
+
+  /// Why the first bad line was bad; "" while there was none.
+  [[nodiscard]] std::string_view first_bad_line_reason() const noexcept { return first_bad_line_reason_; }
+
+ private:
+  static constexpr std::size_t kMaxInterfaces = 16;
+  static constexpr std::size_t kMaxNameBytes = 32;
+  struct Name {
+    std::array<char, kMaxNameBytes> text{};
+    std::size_t length = 0;
+    [[nodiscard]] std::string_view view() const noexcept { return {text.data(), length}; }
+  };
+
+  CandumpReader(RecordingFile file, const std::string& interface) : file_(std::move(file)), wanted_(interface) {}
+  bool number_of(std::string_view name, std::uint8_t& number) noexcept;
+  void count_bad_line(std::string_view reason) noexcept;
+
+  RecordingFile file_;
+  std::string wanted_;
+  std::array<Name, kMaxInterfaces> names_;
+  std::size_t name_count_ = 0;
+  CanCounters counters_;
+  std::string_view first_bad_line_reason_;
+};
+
+}  // namespace roadvec

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "core/base/error.h"
+#include "drivers/can/dbc.h"
+#include "drivers/can/frame.h"
+
+namespace roadvec {
+
+/// A run of bits in a frame, in either byte order, unpacked with one loop over its bytes: from the byte with the least
+/// significant bit towards the one with the most significant.
+struct BitField {
+  std::uint8_t least_byte = 0;
+  std::int8_t step = 1;  ///< +1 Intel, -1 Motorola
+  std::uint8_t byte_count = 0;
+  std::uint8_t shift = 0;      ///< bits of least_byte below the field
+  std::uint8_t last_byte = 0;  ///< the highest byte the field touches
+  std::uint64_t mask = 0;
+
+  [[nodiscard]] static BitField of(const DbcSignal& signal) noexcept;
+  [[nodiscard]] bool fits(const CanFrame& frame) const noexcept { return last_byte < frame.length; }
+  [[nodiscard]] std::uint64_t extract(const CanFrame& frame) const noexcept;  ///< only if it fits
+};
+
+/// Takes one signal out of the frames of its message. No allocation, no exceptions once made.
+class SignalDecoder {
+ public:
+  SignalDecoder() = default;
+  /// Fails on extended multiplexing (a selector that is itself selected).
+  [[nodiscard]] static Expected<SignalDecoder> create(const DbcMessage& message, const DbcSignal& signal);
+
+  /// The frame is long enough for the signal (and for the selector that says whether it is there).
+  [[nodiscard]] bool fits(const CanFrame& frame) const noexcept {
+    return bits_.fits(frame) && (!multiplexed_ || selector_.fits(frame));
+  }
+  /// The bits as they are, without sign; nothing if the frame is too short or carries another multiplexed group.
+  [[nodiscard]] std::optional<std::uint64_t> raw(const CanFrame& frame) const noexcept;
+  /// raw * factor + offset; also nothing if a float signal is not a finite number.
+  [[nodiscard]] std::optional<double> physical(const CanFrame& frame) const noexcept;
+
+ private:
+  BitField bits_;
+  BitField selector_;
+  std::uint64_t selector_value_ = 0;
+  bool multiplexed_ = false;
+  SignalCoding coding_ = SignalCoding::unsigned_integer;
+  double factor_ = 1.0;
+  double offset_ = 0.0;
+};
+
+}  // namespace roadvec

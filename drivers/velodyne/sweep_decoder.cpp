@@ -1,0 +1,18 @@
+#include "drivers/velodyne/sweep_decoder.h"
+
+#include <algorithm>
+
+namespace roadvec {
+
+void SweepDecoder::add(const RawPacket& packet) noexcept {
+  if (!decoder_.decode(packet.bytes, decoded_)) return;
+  const auto* const groups_end = decoded_.groups.data() + decoded_.group_count;
+  const auto* const usable =
+      std::find_if(std::as_const(decoded_).groups.data(), groups_end, [](const auto& g) { return g.usable; });
+  if (usable == groups_end) return;
+  const PacketTiming timing = clock_.place(packet, decoder_.duration_ns(decoded_), usable->azimuth_cdeg);
+  if (timing.stale) return;
+  assembler_.add(decoded_, timing.first_firing, timing.lost_before_count);
+}
+
+}  // namespace roadvec

@@ -1,0 +1,41 @@
+#pragma once
+
+#include "drivers/velodyne/assemble.h"
+#include "drivers/velodyne/counters.h"
+#include "drivers/velodyne/decode.h"
+#include "drivers/velodyne/packet_clock.h"
+
+namespace roadvec {
+
+struct SweepDecoderOptions {
+  DecodeOptions decode{};
+  PacketClockOptions clock{};
+  AssembleOptions assemble{};
+};
+
+/// Packets in, sweeps out: decoder, clock and assembler in a row. What the lidar thread, the tools and the tests all
+/// run. Pure; after the constructor it neither allocates nor throws.
+class SweepDecoder {
+ public:
+  SweepDecoder(LidarModel model, const Calibration& calibration, const SweepDecoderOptions& options, SweepSink& sink,
+               LidarCounters& counters)
+      : decoder_(model, calibration, options.decode, counters),
+        clock_(options.clock, counters),
+        assembler_(options.assemble, model, sink, counters) {}
+
+  void add(const RawPacket& packet) noexcept;
+  /// End of the input: the sweep under way is handed over as incomplete.
+  void finish() noexcept { assembler_.finish(); }
+
+  /// The packet last added; for reports.
+  [[nodiscard]] const DecodedPacket& last_packet() const { return decoded_; }
+  [[nodiscard]] const PacketDecoder& decoder() const { return decoder_; }
+
+ private:
+  PacketDecoder decoder_;
+  PacketClock clock_;
+  SweepAssembler assembler_;
+  DecodedPacket decoded_;
+};
+
+}  // namespace roadvec

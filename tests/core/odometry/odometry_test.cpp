@@ -1,0 +1,153 @@
+#include "core/odometry/odometry.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+namespace roadvec {
+namespace {
+
+constexpr VehicleGeometry kCar{.wheelbase_m = 2.7, .track_m = 1.55, .steering_ratio = 15};
+constexpr std::int64_t kSecond_ns = 1'000'000'000;
+
+SensorTime at_s(double s) { return {static_cast<std::int64_t>(std::llround(s * 1e9))}; }
+
+/// A car that drives a circle (or straight on): what its sensors say, with their errors.
+struct Drive {
+  double speed_mps = 10, yaw_rate_radps = 0, gyro_bias_radps = 0, speed_scale = 0, steering_offset_rad = 0;
+  bool wheels = true, steering = true, gyro = true;
+
+  [[nodiscard]] std::vector<MotionSample> samples(double from_s, double to_s) const {
+    std::vector<MotionSample> result;
+    for (double t = from_s + 0.01; t <= to_s + 1e-9; t += 0.01) {
+      const double v = speed_mps / (1 + speed_scale);
+      if (wheels) result.push_back({at_s(t), WheelSpeed{v, v, v, v}});
+      const double road_wheel = speed_mps > 0 ? std::atan(yaw_rate_radps * kCar.wheelbase_m / speed_mps) : 0.0;
+      if (steering)
+        result.push_back({at_s(t), SteeringAngle{(road_wheel - steering_offset_rad) * kCar.steering_ratio}});
+      if (gyro) {
+        ImuSample imu;
+        imu.rate_z_radps = yaw_rate_radps + gyro_bias_radps;
+        imu.has_rate = true;
+        result.push_back({at_s(t), imu});
+      }
+    }
+    return result;
+  }
+  [[nodiscard]] Pose2 truth(double t_s) const {
+    const double theta = yaw_rate_radps * t_s;
+    if (yaw_rate_radps == 0) return {speed_mps * t_s, 0, 0};
+    const double r = speed_mps / yaw_rate_radps;
+    return {r * std::sin(theta), r * (1 - std::cos(theta)), wrap_rad(theta)};
+  }
+};
+
+Pose2 driven(const Drive& drive, double seconds) {
+  Odometry odometry({}, kCar);
+  odometry.integrate(drive.samples(0, seconds), at_s(0), at_s(seconds));
+  return odometry.pose();
+}
+
+TEST(Odometry, follows_a_circle_from_wheels_and_gyro) {
+  const Drive drive{.yaw_rate_radps = 0.2};
+  const Pose2 end = driven(drive, 10), truth = drive.truth(10);
+  EXPECT_NEAR(end.x_m, truth.x_m, 0.15);  // the first 10 ms have no inputs yet
+  EXPECT_NEAR(end.y_m, truth.y_m, 0.15);
+  EXPECT_NEAR(end.theta_rad, truth.theta_rad, 0.01);
+}
+
+TEST(Odometry, falls_back_to_steering_without_an_imu) {
+  const Drive drive{.yaw_rate_radps = 0.2, .gyro = false};
+  const Pose2 end = driven(drive, 5), truth = drive.truth(5);
+  EXPECT_NEAR(end.theta_rad, truth.theta_rad, 0.02);
+  EXPECT_NEAR((end.translation() - truth.translation()).norm(), 0, 0.3);
+}
+
+TEST(Odometry, finds_the_gyro_bias_while_standing_still) {
+  const Drive drive{.speed_mps = 0, .gyro_bias_radps = 0.0015, .steering = false};
+  Odometry odometry({}, kCar);
+  odometry.integrate(drive.samples(0, 10), at_s(0), at_s(10));
+  EXPECT_NEAR(odometry.gyro_bias_radps(), 0.0015, 0.0003);
+}
+
+TEST(Odometry, finds_bias_scale_and_offset_from_matches) {
+  const Drive drive{.yaw_rate_radps = 0.1, .gyro_bias_radps = 0.001, .speed_scale = 0.01, .steering_offset_rad = 0.004};
+  Odometry odometry({}, kCar);
+  const Eigen::Matrix3d information = Eigen::Vector3d(1e4, 1e4, 1e6).asDiagonal();
+  for (int k = 0; k < 300; ++k) {
+    odometry.integrate(drive.samples(0.1 * k, 0.1 * (k + 1)), at_s(0.1 * k), at_s(0.1 * (k + 1)));
+    odometry.correct(drive.truth(0.1 * (k + 1)), information);
+  }
+  EXPECT_NEAR(odometry.gyro_bias_radps(), 0.001, 0.0002);
+  EXPECT_NEAR(odometry.speed_scale(), 0.01, 0.002);
+  EXPECT_NEAR(odometry.steering_offset_rad(), 0.004, 0.002);
+}
+
+TEST(Odometry, a_match_that_saw_one_direction_corrects_that_direction_alone) {
+  Odometry odometry({}, kCar);
+  const Drive drive;
+  odometry.integrate(drive.samples(0, 5), at_s(0), at_s(5));
+  const Pose2 before = odometry.pose();
+  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+  information(1, 1) = 1e4;  // across the road
+  odometry.correct({before.x_m + 5, before.y_m + 0.2, before.theta_rad}, information);
+  EXPECT_NEAR(odometry.pose().x_m, before.x_m, 0.05);
+  EXPECT_GT(odometry.pose().y_m, before.y_m + 0.1);
+}
+
+TEST(Odometry, covariance_grows_along_the_road_until_a_match_shrinks_it) {
+  Odometry odometry({}, kCar);
+  const Drive drive;
+  odometry.integrate(drive.samples(0, 1), at_s(0), at_s(1));
+  const double after_1_s = odometry.pose_covariance()(0, 0);
+  odometry.integrate(drive.samples(1, 5), at_s(1), at_s(5));
+  EXPECT_GT(odometry.pose_covariance()(0, 0), 3 * after_1_s);
+  odometry.correct(odometry.pose(), Eigen::Matrix3d::Identity() * 1e6);
+  EXPECT_LT(odometry.pose_covariance()(0, 0), after_1_s);
+}
+
+TEST(Odometry, coasts_on_matches_when_can_and_imu_are_silent) {
+  Odometry odometry({}, kCar);
+  const Drive drive;
+  const Eigen::Matrix3d information = Eigen::Matrix3d::Identity() * 1e4;
+  odometry.integrate(drive.samples(0, 1), at_s(0), at_s(1));
+  odometry.correct(drive.truth(1), information);
+  for (int k = 11; k < 40; ++k) {
+    odometry.integrate({}, at_s(0.1 * k), at_s(0.1 * (k + 1)));
+    EXPECT_NEAR(odometry.pose().x_m, drive.truth(0.1 * (k + 1)).x_m, 0.4) << k;
+    odometry.correct(drive.truth(0.1 * (k + 1)), information);
+  }
+  EXPECT_EQ(odometry.speed_source(), MotionSource::matching);
+}
+
+TEST(Odometry, stands_where_it_is_without_any_input) {
+  Odometry odometry({}, kCar);
+  odometry.integrate({}, at_s(0), at_s(1));
+  EXPECT_EQ(odometry.pose(), Pose2{});
+  EXPECT_EQ(odometry.speed_source(), MotionSource::none);
+}
+
+TEST(Odometry, late_samples_never_turn_time_back) {
+  Odometry odometry({}, kCar);
+  const Drive drive;
+  odometry.integrate(drive.samples(0, 1), at_s(0), at_s(1));
+  const double x_m = odometry.pose().x_m;
+  const std::vector<MotionSample> late = drive.samples(0.5, 0.7);
+  odometry.integrate(late, at_s(1), at_s(1) + kSecond_ns / 10);
+  EXPECT_GT(odometry.pose().x_m, x_m);
+  EXPECT_EQ(odometry.time(), at_s(1) + kSecond_ns / 10);
+}
+
+TEST(Odometry, path_covers_the_sweep) {
+  Odometry odometry({}, kCar);
+  const Drive drive;
+  odometry.integrate(drive.samples(0, 1), at_s(0), at_s(1));
+  const Path& path = odometry.integrate(drive.samples(1, 1.1), at_s(1), at_s(1.1));
+  EXPECT_LE(path.start().time, at_s(1));
+  EXPECT_EQ(path.end().time, at_s(1.1));
+  EXPECT_NEAR(path.at(at_s(1.05)).x_m - path.at(at_s(1.0)).x_m, 0.5, 0.01);
+}
+
+}  // namespace
+}  // namespace roadvec

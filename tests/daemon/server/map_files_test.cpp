@@ -1,0 +1,88 @@
+#include "daemon/server/map_files.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "daemon/server/text_writer.h"
+#include "tests/support/map_story.h"
+
+namespace roadvec {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+const Anchor kAnchor{49.0, 8.4, 112.0, -70.98};
+
+MapLine kerb() {
+  MapLine line;
+  line.id = 42;
+  line.revision = 7;
+  line.attributes = {BoundaryKind::curb, EndKind::open, EndKind::occluded, 0.12F, 0.95F, 33};
+  line.first_seen.ns = 1'300'000'000'000'000'001;
+  line.last_seen.ns = 1'300'000'001'500'000'000;
+  line.vertices = {{0, 0, 0, 0.12F, 0.03F, 0.4F}, {100, 0, 0, 0.12F, 0.04F, 0.4F}};
+  return line;
+}
+
+TEST(GeoJson, places_the_anchor_at_the_origin_and_east_to_the_east) {
+  const std::string text = geojson_of({{42, kerb()}}, kAnchor);
+  EXPECT_THAT(text, HasSubstr("[8.400000000,49.000000000,112.0000]"));
+  // 100 m east at 49 degrees north: 73.1 km per degree; the tangent plane is 0.8 mm above the ellipsoid there.
+  EXPECT_THAT(text, HasSubstr(",[8.40136"));
+  EXPECT_THAT(text, HasSubstr(",112.0008]"));
+}
+
+TEST(GeoJson, carries_every_attribute) {
+  const std::string text = geojson_of({{42, kerb()}}, kAnchor);
+  EXPECT_THAT(
+      text,
+      HasSubstr(R"("id":42,"revision":7,"kind":"curb","height_m":0.120,"existence":0.950,"observation_count":33)"));
+  EXPECT_THAT(text, HasSubstr(R"("first_end":"open","last_end":"occluded")"));
+  EXPECT_THAT(text, HasSubstr(R"("first_seen_s":1300000000.000000001,"last_seen_s":1300000001.500000000)"));
+  EXPECT_THAT(text, HasSubstr(R"("sigma_across_m":0.035,"sigma_along_m":0.400)"));
+}
+
+TEST(GeoJson, a_line_of_one_vertex_is_no_line_string) {
+  MapLine dot = kerb();
+  dot.vertices.resize(1);
+  EXPECT_THAT(geojson_of({{42, dot}}, kAnchor), Not(HasSubstr("LineString")));
+  EXPECT_THAT(geojson_of({}, kAnchor), HasSubstr("\"features\":[\n]"));
+}
+
+TEST(Svg, shows_every_line_in_the_colour_of_its_kind_within_the_picture) {
+  const std::string text = svg_of({{42, kerb()}}, {}, "A <map> & more");
+  EXPECT_THAT(text, HasSubstr("A &lt;map&gt; &amp; more"));
+  EXPECT_THAT(text, HasSubstr("1 lines, 100.0 m, area 100"));
+  EXPECT_THAT(text, HasSubstr("<polyline points=\"28.0,"));
+  EXPECT_THAT(text, HasSubstr("1372.0,"));
+}
+
+TEST(Svg, of_nothing_and_of_kilometres_has_a_scale) {
+  EXPECT_THAT(svg_of({}, {}, "empty"), HasSubstr(">2 m<"));
+  MapLine road = kerb();
+  road.vertices.back().x_m = 2000;
+  road.vertices.back().y_m = 1500;
+  const Eigen::Vector2d path[] = {{0, 5}, {2000, 1505}};
+  const std::string text = svg_of({{42, road}}, path, "long");
+  EXPECT_THAT(text, HasSubstr(">200 m<"));
+  EXPECT_THAT(text, HasSubstr("trajectory"));
+}
+
+TEST(MapFiles, are_the_same_bytes_for_the_same_map) {
+  MapStory one(4), other(4);
+  for (int i = 0; i < 80; ++i) (void)one.step(), (void)other.step();
+  EXPECT_EQ(geojson_of(one.map(), kAnchor), geojson_of(other.map(), kAnchor));
+  EXPECT_EQ(svg_of(one.map(), {}, "t"), svg_of(other.map(), {}, "t"));
+}
+
+TEST(TextWriter, writes_numbers_and_strings_that_json_takes) {
+  EXPECT_EQ(decimal(-0.0001, 3), "0.000");
+  EXPECT_EQ(decimal(-1.0005, 3).substr(0, 4), "-1.0");
+  EXPECT_EQ(seconds_text(-1), "-0.000000001");
+  EXPECT_EQ(seconds_text(1'000'000'000), "1.000000000");
+  EXPECT_EQ(json_text("a\"b\\c\n"), R"("a\"b\\c\u000a")");
+}
+
+}  // namespace
+}  // namespace roadvec

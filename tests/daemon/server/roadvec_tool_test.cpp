@@ -1,0 +1,79 @@
+#include <gmock/gmock.h>
+#include <sys/wait.h>
+
+#include <fstream>
+#include <sstream>
+
+#include "daemon/server/map_files.h"
+#include "tests/support/map_socket.h"
+
+namespace roadvec {
+namespace {
+
+using ::testing::HasSubstr;
+
+/// The program `roadvec` against a served map.
+class RoadvecToolTest : public MapSocket {
+ protected:
+  struct Result {
+    int exit_status = -1;
+    std::string output;
+  };
+  [[nodiscard]] Result run(const std::string& arguments) const {
+    const std::string command = ROADVEC_BIN "/roadvec --socket " + config_.socket_path + " " + arguments + " 2>&1";
+    Result result;
+    std::FILE* pipe = ::popen(command.c_str(), "r");
+    for (char line[4096]; std::fgets(line, sizeof line, pipe) != nullptr;) result.output += line;
+    result.exit_status = WEXITSTATUS(::pclose(pipe));
+    return result;
+  }
+};
+
+TEST_F(RoadvecToolTest, says_with_its_exit_status_what_went_wrong) {
+  EXPECT_EQ(run("status").exit_status, 3) << "no daemon";
+  EXPECT_EQ(run("").exit_status, 2);
+  EXPECT_EQ(run("tiles --area 1,2,3").exit_status, 2);
+  EXPECT_EQ(run("tiles --area 3,0,1,1").exit_status, 2);
+  EXPECT_EQ(run("--version").exit_status, 0);
+  const Result help = run("--help");
+  EXPECT_EQ(help.exit_status, 0);
+  EXPECT_THAT(help.output, HasSubstr("EXIT STATUS"));
+  start();
+  EXPECT_EQ(run("tiles --around 50").exit_status, 1) << "no pose yet";
+  EXPECT_EQ(run("render -o /missing/map.svg").exit_status, 1);
+}
+
+TEST_F(RoadvecToolTest, prints_status_tiles_and_changes) {
+  start();
+  publish(50);
+  EXPECT_THAT(run("status").output, HasSubstr("state        mapping"));
+  EXPECT_THAT(run("status --json").output, HasSubstr(R"("state":"mapping")"));
+  EXPECT_THAT(run("tiles").output, HasSubstr("vertices"));
+  EXPECT_THAT(run("tiles --json --area 0,-100,60,100").output, HasSubstr(R"({"ix":0,"iy":-1,)"));
+  std::jthread later([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    publish(2);
+  });
+  const Result watched = run("watch --json -n 1");
+  EXPECT_EQ(watched.exit_status, 0) << watched.output;
+  EXPECT_THAT(watched.output, HasSubstr(R"("type":"snapshot")"));
+  EXPECT_THAT(watched.output, HasSubstr(R"("type":"delta")"));
+}
+
+TEST_F(RoadvecToolTest, exports_the_same_geojson_as_the_daemon_and_draws_it) {
+  start();
+  publish(130);
+  wire::MapReplica replica;
+  MapClient client = connect();
+  ASSERT_TRUE(client.send(wire::Subscribe{}));
+  follow(client, replica, head_seq());
+  const std::string path = (folder_ / "map.geojson").string();
+  ASSERT_EQ(run("export geojson -o " + path).exit_status, 0);
+  std::ostringstream text;
+  text << std::ifstream(path).rdbuf();
+  EXPECT_EQ(text.str(), geojson_of(story_.map(), *config_.facts.anchor));
+  EXPECT_THAT(run("render -o - --title Test").output, HasSubstr("</svg>"));
+}
+
+}  // namespace
+}  // namespace roadvec

@@ -1,0 +1,19 @@
+roadvec_test(drivers_velodyne tests/drivers/velodyne LINKS drivers_velodyne)
+roadvec_test(drivers_can tests/drivers/can LINKS drivers_can)
+roadvec_test(drivers_imu tests/drivers/imu LINKS drivers_imu)
+
+roadvec_fuzz(velodyne_packet LINKS drivers_velodyne)
+roadvec_fuzz(pcap LINKS drivers_velodyne)
+roadvec_fuzz(db_xml LINKS drivers_velodyne)
+roadvec_fuzz(dbc LINKS drivers_can)
+roadvec_fuzz(candump LINKS drivers_can)
+roadvec_fuzz(mtdata2 LINKS drivers_imu)
+roadvec_fuzz(imu_log LINKS drivers_imu)
+
+roadvec_bench(decode LINKS drivers_velodyne)
+# PCL is the opponent: the same packets through its HDLGrabber, in one process. By pkg-config, because find_package(PCL) also
+# wants the development files of VTK and MPI, which nothing here uses.
+pkg_check_modules(PCL_IO QUIET IMPORTED_TARGET pcl_io)
+if(PCL_IO_FOUND)
+  roadvec_bench(decode_pcl LINKS drivers_velodyne PkgConfig::PCL_IO)
+endif()

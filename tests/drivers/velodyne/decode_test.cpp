@@ -1,0 +1,245 @@
+#include "drivers/velodyne/decode.h"
+
+#include <gmock/gmock.h>
+
+#include <cmath>
+
+#include "tests/drivers/velodyne/packets.h"
+
+namespace roadvec {
+namespace {
+
+struct Decoded {
+  explicit Decoded(LidarModel model, const PacketBytes& bytes, const Calibration& calibration,
+                   const DecodeOptions& options = {})
+      : decoder(model, calibration, options, counters), accepted(decoder.decode(bytes, packet)) {}
+  Decoded(LidarModel model, const PacketBytes& bytes) : Decoded(model, bytes, calibration_of(model)) {}
+  [[nodiscard]] LidarCounts counts() const { return snapshot(counters); }
+  [[nodiscard]] std::vector<Return> returns() const {
+    return {packet.returns.begin(), packet.returns.begin() + packet.return_count};
+  }
+
+  LidarCounters counters;
+  DecodedPacket packet;
+  PacketDecoder decoder;
+  bool accepted;
+};
+
+/// A packet with a single echo, of a head that stands at `azimuth_cdeg`.
+PacketBytes one_echo(LidarModel model, int azimuth_cdeg, int block, int lane, unsigned distance,
+                     unsigned intensity = 100) {
+  FakeHead head(model, 0);
+  head.azimuth_cdeg = azimuth_cdeg;
+  PacketBytes bytes = head.next().bytes;
+  for (int b = 0; b < kBlocksPerPacket; ++b) {
+    for (int j = 0; j < kLanesPerBlock; ++j) put_echo(bytes, b, j, 0, 7);
+  }
+  put_echo(bytes, block, lane, distance, intensity);
+  return bytes;
+}
+
+TEST(PacketDecoder, sees_an_echo_ahead_at_azimuth_0_and_to_the_right_at_90_degrees) {
+  const Decoded ahead(LidarModel::hdl32e, one_echo(LidarModel::hdl32e, 0, 0, 15, 5000));  // laser 15 is level
+  ASSERT_EQ(ahead.packet.return_count, 1U);
+  EXPECT_NEAR(ahead.packet.returns[0].x_m, 10.0, 1e-5);
+  EXPECT_NEAR(ahead.packet.returns[0].y_m, 0.0, 1e-5);
+  EXPECT_NEAR(ahead.packet.returns[0].z_m, 0.0, 1e-5);
+  const Decoded right(LidarModel::hdl32e, one_echo(LidarModel::hdl32e, 9000, 0, 15, 5000));
+  EXPECT_NEAR(right.packet.returns[0].x_m, 0.0, 1e-5);
+  EXPECT_NEAR(right.packet.returns[0].y_m, -10.0, 1e-5);
+  EXPECT_NEAR(right.packet.returns[0].azimuth_rad, kPi / 2, 1e-6);
+}
+
+TEST(PacketDecoder, takes_distance_0_for_no_echo) {
+  const Decoded none(LidarModel::hdl32e, one_echo(LidarModel::hdl32e, 0, 0, 15, 0));
+  EXPECT_TRUE(none.accepted);
+  EXPECT_EQ(none.packet.return_count, 0U);
+}
+
+TEST(PacketDecoder, numbers_the_lower_bank_of_an_hdl64e_from_32) {
+  const Decoded lower(LidarModel::hdl64e_s2, one_echo(LidarModel::hdl64e_s2, 0, 3, 5, 5000));
+  ASSERT_EQ(lower.packet.return_count, 1U);
+  EXPECT_EQ(lower.packet.returns[0].laser, 37);
+  EXPECT_EQ(lower.packet.returns[0].time_ns, 48'000U + 7'260U);
+}
+
+TEST(PacketDecoder, gives_returns_in_the_order_of_their_times) {
+  for (const LidarModel model : {LidarModel::hdl64e_s2, LidarModel::hdl32e, LidarModel::vlp16}) {
+    FakeHead head(model);
+    const Decoded decoded(model, head.next().bytes);
+    const std::vector<Return> returns = decoded.returns();
+    ASSERT_EQ(returns.size(), 384U);
+    EXPECT_TRUE(std::ranges::is_sorted(returns, {}, &Return::time_ns)) << name_of(model);
+  }
+}
+
+TEST(PacketDecoder, lets_each_laser_follow_the_head_unless_told_not_to) {
+  FakeHead head(LidarModel::hdl32e, 20);
+  head.azimuth_cdeg = 4500;
+  const PacketBytes bytes = head.next().bytes;
+  const double last_laser_cdeg = 20.0 * 31 * 1.152 / 46.08;
+  const Decoded followed(LidarModel::hdl32e, bytes);
+  EXPECT_NEAR(followed.packet.returns[31].azimuth_rad, rad_from_deg((4500 + last_laser_cdeg) / 100), 1e-6);
+  EXPECT_NEAR(std::atan2(-followed.packet.returns[31].y_m, followed.packet.returns[31].x_m),
+              rad_from_deg((4500 + last_laser_cdeg) / 100), 1e-6);
+  const Decoded stiff(LidarModel::hdl32e, bytes, calibration_of(LidarModel::hdl32e), {.maybe_follow_turn = false});
+  EXPECT_NEAR(stiff.packet.returns[31].azimuth_rad, rad_from_deg(45), 1e-6);
+}
+
+TEST(PacketDecoder, crosses_north_between_two_blocks_without_losing_a_point) {
+  for (int first_cdeg = 35'980; first_cdeg < 36'000; ++first_cdeg) {
+    FakeHead head(LidarModel::vlp16, 40);
+    head.azimuth_cdeg = first_cdeg;
+    const Decoded decoded(LidarModel::vlp16, head.next().bytes);
+    ASSERT_EQ(decoded.packet.return_count, 384U);
+    for (const Return& r : decoded.returns()) {
+      EXPECT_GE(r.azimuth_rad, 0.0F);
+      EXPECT_LT(r.azimuth_rad, static_cast<float>(kTwoPi));
+      EXPECT_GT(r.x_m, 4.7F) << "still ahead";
+    }
+  }
+}
+
+TEST(PacketDecoder, drops_a_group_whose_azimuth_is_no_angle_and_keeps_the_others) {
+  for (const unsigned azimuth_cdeg : {36'000U, 36'001U, 50'000U, 65'535U}) {
+    for (const int block : {0, 5, 11}) {
+      FakeHead head(LidarModel::hdl32e, 20);
+      PacketBytes bytes = head.next().bytes;
+      put_azimuth_cdeg(bytes, block, azimuth_cdeg);
+      const Decoded decoded(LidarModel::hdl32e, bytes);
+      EXPECT_TRUE(decoded.accepted);
+      EXPECT_EQ(decoded.packet.return_count, 352U);
+      EXPECT_EQ(decoded.counts().wrong_azimuth, 1U);
+      EXPECT_NEAR(decoded.packet.returns[40].azimuth_rad,
+                  rad_from_deg((block <= 1 ? 0.40 : 0.20) + 0.2 * 8 * 1.152 / 46.08), 3e-3);
+    }
+  }
+}
+
+TEST(PacketDecoder, refuses_blocks_that_are_not_laid_out_as_the_model) {
+  FakeHead hdl64(LidarModel::hdl64e_s2), hdl32(LidarModel::hdl32e);
+  EXPECT_EQ(Decoded(LidarModel::hdl32e, hdl64.next().bytes).counts().wrong_flags, 1U);
+  EXPECT_EQ(Decoded(LidarModel::hdl64e_s2, hdl32.next().bytes).counts().wrong_flags, 1U);
+  for (const unsigned flag : {0x0000U, 0xFFFFU, 0xEEFEU}) {
+    PacketBytes bytes = hdl32.next().bytes;
+    put_flag(bytes, 7, flag);
+    const Decoded decoded(LidarModel::hdl32e, bytes);
+    EXPECT_FALSE(decoded.accepted);
+    EXPECT_EQ(decoded.counts().wrong_flags, 1U);
+  }
+}
+
+TEST(PacketDecoder, only_warns_when_a_vlp16_says_it_is_an_hdl32e) {
+  FakeHead head(LidarModel::vlp16);
+  PacketBytes bytes = head.next().bytes;
+  bytes[kProductIdOffset] = 0x21;
+  const Decoded decoded(LidarModel::vlp16, bytes);
+  EXPECT_TRUE(decoded.accepted);
+  EXPECT_EQ(decoded.packet.return_count, 384U);
+  EXPECT_EQ(decoded.decoder.other_product_id_count(), 1U);
+}
+
+TEST(PacketDecoder, does_not_take_a_standing_head_for_dual_return) {
+  FakeHead head(LidarModel::hdl32e, 0);
+  const Decoded decoded(LidarModel::hdl32e, head.next().bytes);
+  EXPECT_FALSE(decoded.packet.dual_return);
+  EXPECT_EQ(decoded.packet.group_count, 12);
+}
+
+TEST(PacketDecoder, does_not_believe_a_dual_byte_of_old_firmware_when_the_azimuths_differ) {
+  FakeHead head(LidarModel::hdl32e, 20);
+  PacketBytes bytes = head.next().bytes;
+  bytes[kReturnModeOffset] = kDualReturnMode;
+  EXPECT_FALSE(Decoded(LidarModel::hdl32e, bytes).packet.dual_return);
+}
+
+TEST(PacketDecoder, joins_equal_echoes_of_a_dual_packet_and_names_the_others) {
+  FakeHead head(LidarModel::vlp16, 20);
+  head.dual = true;
+  PacketBytes bytes = head.next().bytes;
+  put_echo(bytes, 0, 4, 6000, 10);  // last
+  put_echo(bytes, 1, 4, 5000, 90);  // strongest
+  put_echo(bytes, 0, 9, 0, 0);
+  const Decoded decoded(LidarModel::vlp16, bytes);
+  ASSERT_TRUE(decoded.packet.dual_return);
+  EXPECT_EQ(decoded.packet.group_count, 6);
+  ASSERT_EQ(decoded.packet.return_count, 6U * 32 + 1);
+  EXPECT_EQ(decoded.packet.returns[3].kind, ReturnKind::both);
+  EXPECT_EQ(decoded.packet.returns[4].kind, ReturnKind::last);
+  EXPECT_EQ(decoded.packet.returns[4].intensity, 10);
+  EXPECT_EQ(decoded.packet.returns[5].kind, ReturnKind::strongest);
+  EXPECT_EQ(decoded.packet.returns[5].laser, 4);
+  EXPECT_EQ(decoded.packet.returns[10].kind, ReturnKind::strongest) << "no last return";
+}
+
+TEST(PacketDecoder, leaves_out_a_laser_that_the_calibration_disables) {
+  Calibration calibration = calibration_of(LidarModel::hdl64e_s2);
+  calibration.lasers[40].enabled = false;
+  FakeHead head(LidarModel::hdl64e_s2);
+  const Decoded decoded(LidarModel::hdl64e_s2, head.next().bytes, calibration);
+  EXPECT_EQ(decoded.packet.return_count, 378U);
+}
+
+/// The formula of decode.h again, in double and step by step.
+struct Expected64 {
+  double x_m, y_m, z_m;
+};
+Expected64 by_the_manual(const LaserCalibration& c, double azimuth_rad, double raw_m) {
+  const double a = azimuth_rad - c.rotation_rad, flat = std::cos(c.elevation_rad);
+  const double far = raw_m + c.distance_m;
+  double dx = c.distance_m, dy = c.distance_m;
+  if (raw_m < 25.04 && c.distance_x_m != 0 && c.distance_y_m != 0) {
+    dx = c.distance_x_m + (c.distance_m - c.distance_x_m) * (std::abs(far * flat * std::sin(a)) - 2.4) / (25.04 - 2.4);
+    dy =
+        c.distance_y_m + (c.distance_m - c.distance_y_m) * (std::abs(far * flat * std::cos(a)) - 1.93) / (25.04 - 1.93);
+  }
+  const double right = (raw_m + dx) * flat * std::sin(a) - c.horizontal_offset_m * std::cos(a);
+  const double ahead = (raw_m + dy) * flat * std::cos(a) + c.horizontal_offset_m * std::sin(a);
+  return {ahead, -right, (raw_m + (dx + dy) / 2) * std::sin(c.elevation_rad) + c.vertical_offset_m};
+}
+
+TEST(PacketDecoder, corrects_an_hdl64e_by_the_two_point_formula_near_and_far) {
+  Calibration calibration = calibration_of(LidarModel::hdl64e_s2);
+  const LaserCalibration odd{.rotation_rad = -0.08,
+                             .elevation_rad = -0.3,
+                             .distance_m = 1.30,
+                             .distance_x_m = 1.35,
+                             .distance_y_m = 1.27,
+                             .vertical_offset_m = 0.21,
+                             .horizontal_offset_m = 0.026};
+  calibration.lasers[0] = odd;
+  for (const int azimuth_cdeg : {0, 1234, 9000, 17'999, 27'000, 35'999}) {
+    for (const unsigned distance : {300U, 1000U, 5000U, 12'519U, 12'521U, 60'000U}) {
+      const Decoded decoded(LidarModel::hdl64e_s2, one_echo(LidarModel::hdl64e_s2, azimuth_cdeg, 0, 0, distance),
+                            calibration);
+      ASSERT_EQ(decoded.packet.return_count, 1U);
+      const Expected64 expected = by_the_manual(odd, rad_from_deg(azimuth_cdeg / 100.0), distance * 0.002);
+      EXPECT_NEAR(decoded.packet.returns[0].x_m, expected.x_m, 5e-5) << azimuth_cdeg << " " << distance;
+      EXPECT_NEAR(decoded.packet.returns[0].y_m, expected.y_m, 5e-5) << azimuth_cdeg << " " << distance;
+      EXPECT_NEAR(decoded.packet.returns[0].z_m, expected.z_m, 5e-5) << azimuth_cdeg << " " << distance;
+    }
+  }
+}
+
+TEST(PacketDecoder, corrects_intensity_by_focal_distance_in_metres_and_keeps_it_within_the_lasers_limits) {
+  Calibration calibration = calibration_of(LidarModel::hdl64e_s2);
+  calibration.lasers[0].focal_distance_m = 12.0;
+  calibration.lasers[0].focal_slope = 1.1;
+  calibration.lasers[1].min_intensity = 40;
+  calibration.lasers[2].max_intensity = 60;
+  const auto intensity = [&](int lane, unsigned distance, unsigned raw) {
+    return Decoded(LidarModel::hdl64e_s2, one_echo(LidarModel::hdl64e_s2, 0, 0, lane, distance, raw), calibration)
+        .packet.returns[0]
+        .intensity;
+  };
+  const auto squared = [](double v) { return 256 * v * v; };
+  const double expected = 50 + 1.1 * std::abs(squared(1 - 12.0 / 131.0) - squared(1 - 20'000.0 / 65'535.0));
+  EXPECT_EQ(intensity(0, 20'000, 50), std::lround(expected));
+  EXPECT_EQ(intensity(0, 65'000, 200), 255);
+  EXPECT_EQ(intensity(1, 1000, 5), 40);
+  EXPECT_EQ(intensity(2, 1000, 200), 60);
+  EXPECT_EQ(intensity(3, 1000, 77), 77);
+}
+
+}  // namespace
+}  // namespace roadvec

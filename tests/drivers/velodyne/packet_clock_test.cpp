@@ -1,0 +1,148 @@
+#include "drivers/velodyne/packet_clock.h"
+
+#include <gmock/gmock.h>
+
+#include "tests/drivers/velodyne/packets.h"
+
+namespace roadvec {
+namespace {
+
+constexpr std::uint32_t kDuration_ns = 288'000;
+
+/// A clock under test and a sensor whose packets come every 288 us, on both clocks.
+struct ClockBench {
+  explicit ClockBench(const PacketClockOptions& options = {}) : clock(options, counters) {}
+
+  PacketTiming place(std::int64_t packet_number, std::int64_t arrival_jitter_ns = 0) {
+    return place_at(first_device_us + packet_number * 288,
+                    first_arrival_ns + packet_number * 288'000 + arrival_jitter_ns, packet_number);
+  }
+  PacketTiming place_at(std::int64_t device_us, std::int64_t arrived_ns, std::int64_t packet_number) {
+    RawPacket packet;
+    packet.arrived = {arrived_ns};
+    put_device_time_us(packet.bytes, static_cast<std::uint32_t>(device_us % device_hour_us));
+    return clock.place(packet, kDuration_ns,
+                       static_cast<std::uint16_t>((packet_number * 108 + 720'000) % kFullCircle_cdeg));
+  }
+  [[nodiscard]] LidarCounts counts() const { return snapshot(counters); }
+
+  std::int64_t first_device_us = 1'000'000'000, device_hour_us = 3'600'000'000;
+  std::int64_t first_arrival_ns = 1'700'000'000'000'000'000;
+  LidarCounters counters;
+  PacketClock clock;
+};
+
+TEST(PacketClock, takes_the_arrival_for_the_end_of_the_last_firing) {
+  ClockBench bench;
+  EXPECT_EQ(bench.place(0).first_firing.ns, bench.first_arrival_ns - kDuration_ns);
+  EXPECT_EQ(bench.place(1, 5000).first_firing.ns, bench.first_arrival_ns + 5000);
+}
+
+TEST(PacketClock, counts_the_packets_missing_between_two) {
+  ClockBench bench;
+  EXPECT_EQ(bench.place(0).lost_before_count, 0U);
+  EXPECT_EQ(bench.place(1).lost_before_count, 0U);
+  EXPECT_EQ(bench.place(5).lost_before_count, 3U);
+  EXPECT_EQ(bench.counts().device_time_gaps, 3U);
+}
+
+TEST(PacketClock, drops_a_late_packet_and_a_duplicate) {
+  ClockBench bench;
+  EXPECT_FALSE(bench.place(0).stale);
+  EXPECT_FALSE(bench.place(2).stale);
+  EXPECT_TRUE(bench.place(1).stale);
+  EXPECT_TRUE(bench.place(2).stale);
+  EXPECT_FALSE(bench.place(3).stale);
+  EXPECT_EQ(bench.counts().reordered, 2U);
+  EXPECT_EQ(bench.counts().device_time_gaps, 1U) << "the late packet was missing once";
+}
+
+TEST(PacketClock, goes_on_when_the_hour_wraps) {
+  ClockBench bench;
+  bench.first_device_us = 3'600'000'000 - 3 * 288;
+  for (int i = 0; i < 6; ++i) {
+    const PacketTiming timing = bench.place(i);
+    EXPECT_FALSE(timing.stale);
+    EXPECT_EQ(timing.lost_before_count, 0U);
+  }
+  EXPECT_EQ(bench.counts().clock_steps, 0U);
+}
+
+TEST(PacketClock, knows_a_late_packet_even_across_the_hour) {
+  ClockBench bench;
+  bench.first_device_us = 3'600'000'000 - 2 * 288;
+  EXPECT_FALSE(bench.place(0).stale);
+  EXPECT_FALSE(bench.place(2).stale);  // past the hour
+  EXPECT_TRUE(bench.place(1).stale);   // before it
+  EXPECT_FALSE(bench.place(3).stale);
+  EXPECT_EQ(bench.counts().device_time_gaps, 1U);
+  EXPECT_EQ(bench.counts().reordered, 1U);
+}
+
+TEST(PacketClock, bears_a_sensor_whose_hour_is_too_long) {
+  ClockBench bench({.base = PacketTimeBase::device});
+  bench.device_hour_us = 3'600'060'000;
+  bench.first_device_us = 3'600'060'000 - 2 * 288;
+  std::int64_t previous_ns = 0;
+  for (int i = 0; i < 5; ++i) {
+    const PacketTiming timing = bench.place(i);
+    EXPECT_FALSE(timing.stale);
+    if (i > 0) {
+      EXPECT_EQ(timing.first_firing.ns - previous_ns, 288'000);
+    }
+    previous_ns = timing.first_firing.ns;
+  }
+}
+
+TEST(PacketClock, takes_a_jump_of_the_sensors_clock_for_neither_loss_nor_reordering) {
+  ClockBench bench;
+  EXPECT_FALSE(bench.place(0).stale);
+  bench.first_device_us += 900'000'000;
+  const PacketTiming ahead = bench.place(1);
+  EXPECT_FALSE(ahead.stale);
+  EXPECT_EQ(ahead.lost_before_count, 0U);
+  bench.first_device_us -= 5'000;
+  EXPECT_FALSE(bench.place(2).stale);
+  EXPECT_EQ(bench.counts().clock_steps, 2U);
+}
+
+TEST(PacketClock, keeps_even_intervals_by_the_sensors_clock_whatever_delays_the_arrivals) {
+  ClockBench bench({.base = PacketTimeBase::device});
+  bench.place(0);
+  for (int i = 1; i < 100; ++i) {
+    const std::int64_t jitter_ns = (i * 7919) % 1'000'000;
+    EXPECT_NEAR(static_cast<double>(bench.place(i, jitter_ns).first_firing.ns),
+                static_cast<double>(bench.first_arrival_ns - kDuration_ns + i * 288'000), 3000);
+  }
+}
+
+TEST(PacketClock, follows_a_sensor_whose_crystal_is_slow) {
+  ClockBench bench({.base = PacketTimeBase::device});
+  PacketTiming timing;
+  SensorTime arrived;
+  for (std::int64_t i = 0; i < 200'000; ++i) {
+    const std::int64_t drift_ns = i * 288 / 20;  // 50 parts in a million
+    arrived = {bench.first_arrival_ns + i * 288'000 + drift_ns};
+    timing = bench.place(i, drift_ns);
+  }
+  EXPECT_NEAR(static_cast<double>(arrived - timing.first_firing), kDuration_ns, 1000);
+}
+
+TEST(PacketClock, reads_the_stamp_as_utc_and_the_hour_from_the_arrival) {
+  // 1 700 000 000 s is 800 s past an hour. The sensor's clock agrees to 2 ms with the host's.
+  const auto first_firing = [](PacketStampMeaning meaning, std::int64_t device_us, std::int64_t arrived_ns) {
+    ClockBench bench({.base = PacketTimeBase::device_utc, .stamp = meaning});
+    return bench.place_at(device_us, arrived_ns, 0).first_firing.ns;
+  };
+  constexpr std::int64_t kHost_ns = 1'700'000'000'000'000'000;
+  EXPECT_EQ(first_firing(PacketStampMeaning::first_firing, 799'998'000, kHost_ns), kHost_ns - 2'000'000);
+  EXPECT_EQ(first_firing(PacketStampMeaning::last_firing, 799'998'000, kHost_ns), kHost_ns - 2'000'000 - kDuration_ns);
+  constexpr std::int64_t kFullHour_ns = kHost_ns + 2'800'000'000'000;
+  EXPECT_EQ(first_firing(PacketStampMeaning::first_firing, 3'599'999'000, kFullHour_ns + 500'000),
+            kFullHour_ns - 1'000'000);
+  EXPECT_EQ(first_firing(PacketStampMeaning::first_firing, 3'600'060'000, kFullHour_ns + 61'000'000),
+            kFullHour_ns + 60'000'000);
+}
+
+}  // namespace
+}  // namespace roadvec

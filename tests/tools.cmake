@@ -1,0 +1,1 @@
+roadvec_test(tools_simulate tests/tools/simulate LINKS tools_simulate_lib drivers_can drivers_imu)

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "tools/simulate/scene_file.h"
+#include "tools/simulate/simulate.h"
+
+namespace roadvec {
+
+/// A folder that is gone when the test is over.
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    std::string name = (std::filesystem::temp_directory_path() / "roadvec-simulate-").string() + std::string(6, 'X');
+    if (::mkdtemp(name.data()) == nullptr) throw std::runtime_error("cannot make " + name);
+    path_ = name;
+  }
+  ~TemporaryFolder() { std::filesystem::remove_all(path_); }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  [[nodiscard]] std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+[[nodiscard]] inline std::string bytes_of(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+/// A straight road to the east, kerbs at y = +-4, walls at y = +-9: every surface is known without the simulator's own
+/// geometry.
+inline constexpr double kKerb_m = 4, kKerbHeight_m = 0.12, kWall_m = 9, kWallHeight_m = 5;
+[[nodiscard]] inline Scene plain_scene() {
+  auto scene = parse_scene(R"(
+[road]
+waypoints = [[0, 0], [200, 0]]
+width_m = 8
+kerb_height_m = 0.12
+[[wall]]
+side = "left"
+setback_m = 5
+height_m = 5
+[[wall]]
+side = "right"
+setback_m = 5
+height_m = 5
+[car]
+lane_m = -1.75
+start_m = 90
+distance_m = 40
+wait_s = 0.0
+speed_mps = 12
+acceleration_mps2 = 5
+[lidar]
+pitch_deg = 0.7
+yaw_deg = -1.5
+roll_deg = 0.4
+[errors]
+laser_bias_m = 0.0
+)",
+                           "plain.toml");
+  if (!scene) throw std::runtime_error(scene.error().message);
+  return *scene;
+}
+
+struct TruePose {
+  double time_s, x_m, y_m, theta_rad;
+};
+
+[[nodiscard]] inline std::vector<TruePose> read_tum(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  std::vector<TruePose> poses;
+  double t, x, y, z, qx, qy, qz, qw;
+  while (file >> t >> x >> y >> z >> qx >> qy >> qz >> qw) poses.push_back({t, x, y, 2 * std::atan2(qz, qw)});
+  return poses;
+}
+
+}  // namespace roadvec

@@ -1,0 +1,118 @@
+#include "tools/simulate/simulate.h"
+
+#include <GeographicLib/LocalCartesian.hpp>
+#include <regex>
+
+#include "tests/tools/simulate/made_drive.h"
+
+namespace roadvec {
+namespace {
+
+const char* const kFiles[] = {"drive.toml",  "lidar.pcap", "db.xml",          "can.log",
+                              "vehicle.dbc", "imu.log",    "truth/poses.tum", "truth/boundaries.geojson"};
+
+void make(const Scene& scene, const std::filesystem::path& out, std::uint64_t seed, double duration_s = 0.15) {
+  SimulateOptions options;
+  options.seed = seed;
+  options.maybe_duration_s = duration_s;
+  const auto report = simulate(scene, "plain", out, options);
+  ASSERT_TRUE(report) << report.error().message;
+}
+
+TEST(Simulate, same_seed_gives_the_same_bytes_in_every_file) {
+  const TemporaryFolder folder;
+  make(plain_scene(), folder / "a", 3);
+  make(plain_scene(), folder / "b", 3);
+  for (const std::string file : kFiles) {
+    EXPECT_FALSE(bytes_of(folder / ("a/" + file)).empty()) << file;
+    EXPECT_EQ(bytes_of(folder / ("a/" + file)), bytes_of(folder / ("b/" + file))) << file;
+  }
+}
+
+TEST(Simulate, another_seed_gives_other_noise_but_the_same_truth) {
+  const TemporaryFolder folder;
+  make(plain_scene(), folder / "a", 3);
+  make(plain_scene(), folder / "b", 4);
+  EXPECT_NE(bytes_of(folder / "a/lidar.pcap"), bytes_of(folder / "b/lidar.pcap"));
+  EXPECT_NE(bytes_of(folder / "a/imu.log"), bytes_of(folder / "b/imu.log"));
+  EXPECT_EQ(bytes_of(folder / "a/truth/poses.tum"), bytes_of(folder / "b/truth/poses.tum"));
+}
+
+TEST(Simulate, a_folder_with_something_in_it_is_refused_and_left_alone) {
+  const TemporaryFolder folder;
+  std::filesystem::create_directories(folder / "mine");
+  std::ofstream(folder / "mine/notes.txt") << "keep";
+  const auto report = simulate(plain_scene(), "plain", folder / "mine", {});
+  ASSERT_FALSE(report);
+  EXPECT_NE(report.error().message.find("name another one or remove it"), std::string::npos) << report.error().message;
+  EXPECT_FALSE(std::filesystem::exists(folder / "mine/lidar.pcap"));
+}
+
+TEST(Simulate, a_model_that_is_not_known_is_refused_before_anything_is_written) {
+  const TemporaryFolder folder;
+  SimulateOptions options;
+  options.maybe_model = "HDL-65";
+  ASSERT_FALSE(simulate(plain_scene(), "plain", folder / "a", options));
+  EXPECT_FALSE(std::filesystem::exists(folder / "a"));
+}
+
+TEST(Simulate, a_car_on_the_sidewalk_is_refused_with_the_place) {
+  const TemporaryFolder folder;
+  Scene scene = plain_scene();
+  scene.car.lane_m = -3.5;
+  const auto report = simulate(scene, "plain", folder / "a", {});
+  ASSERT_FALSE(report);
+  EXPECT_NE(report.error().message.find("leaves the road"), std::string::npos) << report.error().message;
+}
+
+TEST(Simulate, lost_packets_are_counted_and_missing) {
+  const TemporaryFolder folder;
+  Scene scene = plain_scene();
+  scene.errors.packet_loss = 0.5;
+  SimulateOptions options;
+  options.maybe_duration_s = 0.3;
+  const auto report = simulate(scene, "plain", folder / "a", options);
+  ASSERT_TRUE(report) << report.error().message;
+  EXPECT_NEAR(static_cast<double>(report->lost_packet_count), 521, 80);
+  EXPECT_EQ(std::filesystem::file_size(folder / "a/lidar.pcap"), 24 + report->packet_count * (16 + 42 + 1206));
+}
+
+TEST(Simulate, true_kerbs_and_walls_lie_at_their_distance_from_the_lane) {
+  const TemporaryFolder folder;
+  const Scene scene = plain_scene();
+  make(scene, folder / "a", 1);
+  const GeographicLib::LocalCartesian map(scene.anchor.latitude_deg, scene.anchor.longitude_deg, scene.anchor.height_m);
+  const std::string text = bytes_of(folder / "a/truth/boundaries.geojson");
+  int curb_count = 0, barrier_count = 0;
+  const std::regex line(R"re("kind":"(\w+)","height_m":([\d.]+),"seen":\w+\},.*"coordinates":\[(.*)\]\}\})re");
+  const std::regex position(R"(\[([-\d.]+),([-\d.]+)\])");
+  for (std::sregex_iterator found(text.begin(), text.end(), line), end; found != end; ++found) {
+    const bool curb = (*found)[1] == "curb";
+    EXPECT_NEAR(std::stod((*found)[2]), curb ? kKerbHeight_m : kWallHeight_m, 1e-9);
+    const std::string positions = (*found)[3];
+    for (std::sregex_iterator point(positions.begin(), positions.end(), position); point != end; ++point) {
+      double east_m = 0, north_m = 0, up_m = 0;
+      map.Forward(std::stod((*point)[2]), std::stod((*point)[1]), scene.anchor.height_m, east_m, north_m, up_m);
+      const double scene_y_m = north_m + scene.car.lane_m, scene_x_m = east_m + scene.car.start_m;
+      if (scene_x_m < 0.01 || scene_x_m > 199.99) continue;  // the ends of the world
+      EXPECT_NEAR(std::abs(scene_y_m), curb ? kKerb_m : kWall_m, 0.001);
+      ++(curb ? curb_count : barrier_count);
+    }
+  }
+  EXPECT_GT(curb_count, 300);
+  EXPECT_GT(barrier_count, 300);
+}
+
+TEST(Simulate, every_shipped_scene_can_be_driven) {
+  ASSERT_GE(shipped_scenes().size(), 2U);
+  for (const ShippedScene& shipped : shipped_scenes()) {
+    const TemporaryFolder folder;
+    const auto scene = load_scene(std::string(shipped.name));
+    ASSERT_TRUE(scene) << scene.error().message;
+    EXPECT_FALSE(scene->description.empty()) << shipped.name;
+    make(*scene, folder / "a", 1, 0.1);
+  }
+}
+
+}  // namespace
+}  // namespace roadvec

@@ -1,0 +1,40 @@
+#!/usr/bin/env bash
+# Installs the Debian packages that roadvec needs and that are missing: tools/packages.sh build|demo|test|bench
+set -euo pipefail
+
+build=(g++ cmake ninja-build pkg-config libeigen3-dev libceres-dev libpcap-dev libspdlog-dev libsystemd-dev
+  libtomlplusplus-dev libcli11-dev libprotozero-dev libgeographiclib-dev libexpected-dev libpugixml-dev nlohmann-json3-dev
+  libgtest-dev libgmock-dev librapidcheck-dev libbenchmark-dev)
+demo=("${build[@]}" python3)
+test=("${build[@]}" python3 python3-protobuf protobuf-compiler clang-14 libclang-rt-14-dev clang-format-14 clang-tidy-14
+  xz-utils tar git)
+bench=("${build[@]}" libpcl-dev xz-utils tar)
+
+case ${1:-} in
+  build) wanted=("${build[@]}") ;;
+  demo) wanted=("${demo[@]}") ;;
+  test) wanted=("${test[@]}") ;;
+  bench) wanted=("${bench[@]}") ;;
+  *) echo "usage: tools/packages.sh build|demo|test|bench" >&2; exit 2 ;;
+esac
+
+missing=()
+for package in "${wanted[@]}"; do
+  dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q '^install ok installed$' || missing+=("$package")
+done
+if [ ${#missing[@]} -eq 0 ]; then
+  echo "packages: all there"
+  exit 0
+fi
+if ! command -v apt-get >/dev/null; then
+  echo "packages: this is not Debian; install by hand what these stand for: ${missing[*]}" >&2
+  exit 1
+fi
+as_root=()
+if [ "$(id -u)" -ne 0 ]; then
+  command -v sudo >/dev/null || { echo "packages: run as root: apt-get install ${missing[*]}" >&2; exit 1; }
+  as_root=(sudo)
+fi
+echo "packages: installing ${missing[*]}"
+"${as_root[@]}" apt-get update -q >/dev/null
+"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends "${missing[@]}" >/dev/null

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "core/base/error.h"
+#include "tools/replay/output.h"
+#include "tools/replay/player.h"
+
+namespace roadvec {
+
+struct ReplayOptions {
+  std::string drive;
+  PlayPlan plan;
+  Endpoint udp{"127.0.0.1", 2368};
+  int position_port = 8308;  ///< 0: position packets stay unsent
+  std::string can, can_pipe, imu_pty;
+  std::optional<Endpoint> imu_udp;
+  bool json = false;
+};
+
+/// The command line. --help and --version print and end the program; a wrong line says why and ends it with status 2.
+[[nodiscard]] ReplayOptions parse_command_line(int argc, char** argv);
+
+}  // namespace roadvec

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "daemon/server/client.h"
+
+namespace roadvec {
+
+/// Exit codes of `roadvec`: part of its interface, named in --help.
+enum ExitCode : int { kExitOk = 0, kExitFailure = 1, kExitUsage = 2, kExitNoDaemon = 3 };
+
+struct Connection {
+  std::string socket_path = "/run/roadvec/map.sock";
+  double timeout_s = 5;
+  bool json = false;
+};
+struct TileChoice {
+  std::optional<wire::Area> area;
+  double around_vehicle_m = 0;
+};
+struct WatchChoice {
+  std::optional<wire::Area> area;
+  bool poses = false, status = false;
+  double max_rate_hz = 0;
+  std::uint64_t message_count = 0;  ///< 0: until the daemon says Bye
+};
+
+// Each command prints its result, or one line on standard error, and gives the exit code.
+[[nodiscard]] int show_status(const Connection& connection);
+[[nodiscard]] int list_tiles(const Connection& connection, const TileChoice& choice);
+[[nodiscard]] int watch(const Connection& connection, const WatchChoice& choice);
+[[nodiscard]] int export_geojson(const Connection& connection, const std::string& output_path);
+[[nodiscard]] int render_svg(const Connection& connection, const std::string& output_path, const std::string& title);
+
+/// "x_min,y_min,x_max,y_max" in metres.
+[[nodiscard]] Expected<wire::Area> parse_area(const std::string& text);
+
+// Shared by the commands.
+[[nodiscard]] Expected<MapClient> connect(const Connection& connection);
+[[nodiscard]] int complain(const Error& error, int exit_code);
+
+}  // namespace roadvec

@@ -1,0 +1,112 @@
+#include <CLI/CLI.hpp>
+#include <exception>
+
+#include "tools/roadvec/commands.h"
+
+namespace {
+
+constexpr const char* kDescription =
+    "roadvec - look at the map of a running roadvecd\n\n"
+    "Connects to the daemon's map socket, reads the map of the road's boundaries or the daemon's state, and prints it "
+    "or writes it\n"
+    "to a file. It only reads: nothing it does changes the map or makes the daemon wait.";
+
+constexpr const char* kFooter = R"(
+COMMANDS IN SHORT
+  roadvec status                     one screen: state, map, drive, counters and times of every stage
+  roadvec tiles --around 100         the 64 m tiles within 100 m of the vehicle
+  roadvec watch --poses --json       every change and pose as it comes, one JSON object per line
+  roadvec export geojson -o map.geojson
+  roadvec render -o map.svg
+
+EXIT STATUS
+  0  done
+  1  the daemon answered with an error, fell silent, or a file could not be written
+  2  wrong usage
+  3  no daemon answers on the socket
+
+ENVIRONMENT
+  ROADVEC_SOCKET   the socket, when --socket is not given
+
+FILES
+  /run/roadvec/map.sock               the map socket; reading it takes membership in its group
+  /usr/share/roadvec/roadvec.proto    the protocol, for programs of your own
+
+UNITS
+  Metres and degrees for people; JSON carries the units of the protocol (millimetres, radians) in its names.
+  The map frame is East (x), North (y), Up (z) at the anchor.)";
+
+roadvec::wire::Area area_of(const std::string& text) {
+  auto area = roadvec::parse_area(text);
+  if (!area) throw CLI::ValidationError("--area", area.error().message);
+  return *area;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  roadvec::Connection connection;
+  roadvec::TileChoice tiles;
+  roadvec::WatchChoice watch;
+  std::string geojson_path = "-", svg_path = "map.svg", title = "roadvec map";
+  int exit_code = roadvec::kExitUsage;
+
+  CLI::App app(kDescription, "roadvec");
+  app.footer(kFooter);
+  app.set_version_flag("--version", "roadvec " ROADVEC_VERSION);
+  app.require_subcommand(1);
+  app.fallthrough();
+  app.add_option("-s,--socket", connection.socket_path, "the daemon's map socket")
+      ->envname("ROADVEC_SOCKET")
+      ->capture_default_str();
+  app.add_option("--timeout", connection.timeout_s, "seconds to wait for an answer")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->capture_default_str();
+  app.add_flag("--json", connection.json, "print JSON, one object per line");
+
+  CLI::App* status = app.add_subcommand("status", "state of the daemon and of every stage");
+  status->callback([&] { exit_code = roadvec::show_status(connection); });
+
+  CLI::App* list = app.add_subcommand("tiles", "tiles of the map, with --json their whole content");
+  auto* area = list->add_option_function<std::string>(
+      "--area", [&](const std::string& text) { tiles.area = area_of(text); },
+      "x_min,y_min,x_max,y_max in metres of the map frame");
+  list->add_option("--around", tiles.around_vehicle_m,
+                   "only what lies within so many metres of the vehicle, east, north, west, south")
+      ->check(CLI::Range(0.1, 100'000.0))
+      ->excludes(area);
+  list->callback([&] { exit_code = roadvec::list_tiles(connection, tiles); });
+
+  CLI::App* follow = app.add_subcommand("watch", "the map's changes as they come, until the daemon stops");
+  follow->add_option_function<std::string>(
+      "--area", [&](const std::string& text) { watch.area = area_of(text); },
+      "only changes there: x_min,y_min,x_max,y_max in metres");
+  follow->add_flag("--poses", watch.poses, "the vehicle's poses too");
+  follow->add_flag("--status", watch.status, "the daemon's status too, once a second");
+  follow
+      ->add_option("--rate", watch.max_rate_hz,
+                   "hold changes and poses back to so many times a second; 0: as they come")
+      ->check(CLI::Range(0.0, 1000.0));
+  follow->add_option("-n,--count", watch.message_count, "stop after so many messages; 0: never");
+  follow->callback([&] { exit_code = roadvec::watch(connection, watch); });
+
+  CLI::App* exporter = app.add_subcommand("export", "the whole map as a file");
+  exporter->require_subcommand(1);
+  CLI::App* geojson = exporter->add_subcommand("geojson", "GeoJSON (RFC 7946): WGS 84 longitude, latitude, height");
+  geojson->add_option("-o,--output", geojson_path, "file to write; - is standard output")->capture_default_str();
+  geojson->callback([&] { exit_code = roadvec::export_geojson(connection, geojson_path); });
+
+  CLI::App* render = app.add_subcommand("render", "a picture (SVG) of the whole map");
+  render->add_option("-o,--output,output", svg_path, "file to write; - is standard output")->capture_default_str();
+  render->add_option("--title", title, "heading of the picture")->capture_default_str();
+  render->callback([&] { exit_code = roadvec::render_svg(connection, svg_path, title); });
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? roadvec::kExitOk : roadvec::kExitUsage;
+  }
+  return exit_code;
+} catch (const std::exception& e) {
+  return roadvec::complain({e.what()}, roadvec::kExitFailure);
+}

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "drivers/velodyne/calibration.h"
+#include "tools/simulate/scene.h"
+
+namespace roadvec {
+
+/// The sensor of a scene: its model and the calibration that came with it.
+struct LidarHead {
+  LidarModel model = LidarModel::hdl64e_s2;
+  Calibration calibration;
+};
+
+/// The built-in angles of the model; for an HDL-64E a factory calibration made up like those of real heads: two banks
+/// in steps of 1/3 and 1/2 degree, fired far apart from each other, four columns of lasers turned against each other, a
+/// distance correction above a metre. Near and far correction are equal, so that a distance has one exact raw value.
+[[nodiscard]] Expected<LidarHead> make_lidar_head(const std::string& model_name);
+
+/// The calibration as Velodyne writes it, in degrees and centimetres.
+[[nodiscard]] std::string db_xml(const Calibration& calibration);
+
+}  // namespace roadvec

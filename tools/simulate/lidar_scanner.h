@@ -1,0 +1,68 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "drivers/velodyne/packet.h"
+#include "tools/simulate/car_motion.h"
+#include "tools/simulate/lidar_head.h"
+#include "tools/simulate/random.h"
+#include "tools/simulate/world.h"
+
+namespace roadvec {
+
+/// One data packet and when its last firing was over.
+struct SimulatedPacket {
+  PacketBytes bytes{};
+  SensorTime end;
+};
+
+/// The turning head on the moving car: casts every laser's beam from where the head is at that laser's own firing time
+/// and packs what comes back, the exact inverse of PacketDecoder's formula. Cost: one cast per laser and firing.
+class LidarScanner {
+ public:
+  LidarScanner(const Scene& scene, const LidarHead& head, const World& world, const CarMotion& motion, Random random);
+
+  /// The next packet of the drive, in place until the next call.
+  [[nodiscard]] const SimulatedPacket& next();
+  /// When the next packet's first firing begins, after the drive's start.
+  [[nodiscard]] double time_s() const { return static_cast<double>(time_ns_) * 1e-9; }
+
+  [[nodiscard]] std::uint64_t return_count() const { return return_count_; }
+  /// Returns by face of the world: which of it was seen at all.
+  [[nodiscard]] const std::vector<std::uint32_t>& face_return_counts() const { return face_return_counts_; }
+
+ private:
+  struct Laser {
+    double sin_elevation = 0, cos_elevation = 0;
+    double bias_m = 0;
+  };
+  struct Echo {
+    std::uint16_t raw = 0;
+    std::uint8_t intensity = 0;
+  };
+  [[nodiscard]] std::uint16_t azimuth_cdeg(std::int64_t time_ns) const;
+  void place_lanes(std::int64_t group_time_ns);
+  void fire_block(int bank, std::int64_t group_time_ns, std::uint8_t* block);
+  [[nodiscard]] Echo fire(int laser, double beam_azimuth_rad, const Eigen::Isometry3d& T_scene_lidar);
+  [[nodiscard]] Echo echo_of(const Hit& hit, int laser);
+  void put_status();
+
+  const Scene& scene_;
+  const LidarHead& head_;
+  const ModelFacts& facts_;
+  const World& world_;
+  const CarMotion& motion_;
+  Random random_;
+  Eigen::Isometry3d T_vehicle_lidar_;
+  std::vector<Laser> lasers_;
+  std::array<Eigen::Isometry3d, kLanesPerBlock> T_scene_lidar_;  ///< when each lane of the group fires
+  std::vector<std::uint32_t> face_return_counts_;
+  std::uint64_t return_count_ = 0, packet_count_ = 0;
+  std::int64_t time_ns_ = 0;  ///< of the next packet's first firing, after the drive's start
+  SimulatedPacket packet_;
+};
+
+}  // namespace roadvec

@@ -1,0 +1,178 @@
+#include "tools/simulate/simulate.h"
+
+#include <algorithm>
+#include <array>
+#include <system_error>
+
+#include "core/base/angle.h"
+#include "tools/simulate/lidar_scanner.h"
+#include "tools/simulate/pcap_writer.h"
+#include "tools/simulate/truth_files.h"
+#include "tools/simulate/vehicle_logs.h"
+
+namespace roadvec {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Noise streams of a seed, one for each sensor.
+enum Stream : std::uint64_t { kLidarStream = 1, kLossStream = 2, kImuStream = 3 };
+
+Expected<void> make_folder(const fs::path& out) {
+  std::error_code code;
+  if (fs::exists(out, code) && !(fs::is_directory(out, code) && fs::is_empty(out, code))) {
+    return fail(out.string() + " is there already and not an empty folder; name another one or remove it");
+  }
+  if (!code) fs::create_directories(out / "truth", code);
+  if (code) return fail("cannot make the folder " + out.string() + ": " + code.message());
+  return {};
+}
+
+/// A car on the sidewalk or in another car is a mistake in the scene, and beams would start below the ground.
+Expected<void> check_clear_way(const Scene& scene, const World& world, const CarMotion& motion) {
+  const double side_m = scene.car.track_m / 2, front_m = scene.car.wheelbase_m;
+  const std::array<Eigen::Vector2d, 5> places_m{
+      {{0, side_m}, {0, -side_m}, {front_m, side_m}, {front_m, -side_m}, {scene.lidar.x_m, scene.lidar.y_m}}};
+  for (double time_s = 0; time_s < motion.duration_s(); time_s += 0.1) {
+    for (const Eigen::Vector2d& place_m : places_m) {
+      const Eigen::Vector2d point_m = motion.at(time_s).pose * place_m;
+      if (world.height_at(point_m) < 0.01) continue;
+      return fail(
+          print("the car leaves the road %.1f s into the drive, at x %.1f, y %.1f; "
+                "change car.lane_m, the parked cars, or widen the road or its corner",
+                time_s, point_m.x(), point_m.y()));
+    }
+  }
+  return {};
+}
+
+/// A scene's name as part of a text in quotes.
+std::string harmless(const std::string& name) {
+  std::string text = fs::path(name).filename().string();
+  for (char& c : text) c = c < ' ' || c == '"' || c == '\\' || c == 0x7F ? '_' : c;
+  return text;
+}
+
+std::string drive_toml(const Scene& scene, const std::string& name, const LidarHead& head,
+                       const SimulateOptions& options, const Pose2& start) {
+  std::string text = print("source = \"roadvec-simulate, scene %s, seed %llu: made up, free for any use\"\n\n[lidar]\n",
+                           harmless(name).c_str(), static_cast<unsigned long long>(options.seed));
+  text += print("model = \"%s\"\n", scene.lidar.model.c_str());
+  if (facts_of(head.model).needs_calibration) text += "calibration = \"db.xml\"\n";
+  text += print(
+      "pcap = \"lidar.pcap\"\nx_m = %.4f\ny_m = %.4f\nz_m = %.4f\nroll_deg = %.4f\npitch_deg = %.4f\nyaw_deg = %.4f\n",
+      scene.lidar.x_m, scene.lidar.y_m, scene.lidar.z_m, scene.lidar.roll_deg, scene.lidar.pitch_deg,
+      scene.lidar.yaw_deg);
+  text += print("\n[vehicle]\nwheelbase_m = %.4f\ntrack_m = %.4f\nsteering_ratio = %.4f\n", scene.car.wheelbase_m,
+                scene.car.track_m, scene.car.steering_ratio);
+  text +=
+      "can = \"can.log\"\ndbc = \"vehicle.dbc\"\nsteering_signal = \"SteeringSensor.SteeringWheelAngle\"\n"
+      "wheel_speed_signals = [\"WheelSpeeds.WheelSpeedFL\", \"WheelSpeeds.WheelSpeedFR\", "
+      "\"WheelSpeeds.WheelSpeedRL\", "
+      "\"WheelSpeeds.WheelSpeedRR\"]\n"
+      "\n[imu]\nprotocol = \"xsens\"\nlog = \"imu.log\"\nroll_deg = 0.0\npitch_deg = 0.0\nyaw_deg = 0.0\n";
+  text += print("\n[anchor]\nlatitude_deg = %.9f\nlongitude_deg = %.9f\nheight_m = %.3f\nyaw_deg = %.6f\n",
+                scene.anchor.latitude_deg, scene.anchor.longitude_deg, scene.anchor.height_m,
+                deg_from_rad(start.theta_rad));
+  return text;
+}
+
+/// Creates the file, lets `fill` write it, closes it.
+template <class Fill>
+Expected<void> write_file(const fs::path& path, Fill&& fill) {
+  auto file = OutputFile::create(path);
+  if (!file) return tl::unexpected(file.error());
+  fill(*file);
+  return file->close();
+}
+
+double distance_m(const CarMotion& motion, double duration_s) {
+  double sum_m = 0;
+  for (double time_s = 0; time_s < duration_s; time_s += 0.01) {
+    sum_m += (motion.at(std::min(time_s + 0.01, duration_s)).pose.translation() - motion.at(time_s).pose.translation())
+                 .norm();
+  }
+  return sum_m;
+}
+
+Expected<void> write_lidar(const Scene& scene, const SimulateOptions& options, const fs::path& out,
+                           LidarScanner& scanner, SimulateReport& report) {
+  auto file = OutputFile::create(out / "lidar.pcap");
+  if (!file) return tl::unexpected(file.error());
+  PcapWriter pcap(std::move(*file));
+  Random loss(options.seed, kLossStream);
+  constexpr double kReportEvery_s = 0.5;
+  double next_report_s = 0;
+  while (scanner.time_s() < report.duration_s) {
+    if (scanner.time_s() >= next_report_s) {
+      options.progress(scanner.time_s(), report.duration_s);
+      next_report_s += kReportEvery_s;
+    }
+    const SimulatedPacket& packet = scanner.next();
+    const bool lost = loss.uniform() < scene.errors.packet_loss;
+    if (!lost) pcap.write(packet.bytes, packet.end);
+    ++(lost ? report.lost_packet_count : report.packet_count);
+  }
+  options.progress(report.duration_s, report.duration_s);
+  report.return_count = scanner.return_count();
+  report.lidar_bytes = pcap.size_bytes();
+  return pcap.close();
+}
+
+}  // namespace
+
+Expected<SimulateReport> simulate(Scene scene, const std::string& scene_name, const fs::path& out,
+                                  const SimulateOptions& options) {
+  if (options.maybe_model) scene.lidar.model = *options.maybe_model;
+  const auto head = make_lidar_head(scene.lidar.model);
+  if (!head) return tl::unexpected(head.error());
+  const auto path = RoadPath::create(scene.road);
+  if (!path) return fail(scene_name + ": " + path.error().message);
+  const auto built = build_world(scene, *path);
+  if (!built) return fail(scene_name + ": " + built.error().message);
+  const auto motion = drive(scene.car, *path);
+  if (!motion) return fail(scene_name + ": " + motion.error().message);
+  if (auto clear = check_clear_way(scene, built->world, *motion); !clear)
+    return fail(scene_name + ": " + clear.error().message);
+  if (auto made = make_folder(out); !made) return tl::unexpected(made.error());
+
+  SimulateReport report;
+  report.model = scene.lidar.model;
+  report.duration_s = std::min(motion->duration_s(), options.maybe_duration_s.value_or(motion->duration_s()));
+  report.distance_m = distance_m(*motion, report.duration_s);
+  const Pose2 start = motion->at(0).pose;
+  LidarScanner scanner(scene, *head, built->world, *motion, Random(options.seed, kLidarStream));
+  return write_lidar(scene, options, out, scanner, report)
+      .and_then([&] {
+        return write_file(out / "drive.toml",
+                          [&](OutputFile& file) { file.write(drive_toml(scene, scene_name, *head, options, start)); });
+      })
+      .and_then([&]() -> Expected<void> {
+        if (!facts_of(head->model).needs_calibration) return {};
+        return write_file(out / "db.xml", [&](OutputFile& file) { file.write(db_xml(head->calibration)); });
+      })
+      .and_then([&] { return write_file(out / "vehicle.dbc", [&](OutputFile& file) { file.write(vehicle_dbc()); }); })
+      .and_then([&] {
+        return write_file(out / "can.log", [&](OutputFile& file) {
+          report.can_frame_count = write_can_log(scene, *motion, report.duration_s, file);
+        });
+      })
+      .and_then([&] {
+        return write_file(out / "imu.log", [&](OutputFile& file) {
+          report.imu_sample_count =
+              write_imu_log(scene, *motion, report.duration_s, Random(options.seed, kImuStream), file);
+        });
+      })
+      .and_then([&] {
+        return write_file(out / "truth/poses.tum",
+                          [&](OutputFile& file) { write_poses_tum(scene, *motion, report.duration_s, file); });
+      })
+      .and_then([&] {
+        return write_file(out / "truth/boundaries.geojson", [&](OutputFile& file) {
+          report.boundary_count = write_boundaries_geojson(scene, *built, start, scanner.face_return_counts(), file);
+        });
+      })
+      .map([&] { return report; });
+}
+
+}  // namespace roadvec

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include "core/base/time.h"
+#include "tools/simulate/car_motion.h"
+#include "tools/simulate/output_file.h"
+#include "tools/simulate/random.h"
+#include "tools/simulate/scene.h"
+
+namespace roadvec {
+
+/// The car's messages: steering angle (Motorola, 100 Hz) and wheel speeds (Intel, 50 Hz).
+[[nodiscard]] std::string_view vehicle_dbc();
+
+/// What the bus carries during the first duration_s of the drive, as candump -L writes it. Returns how many frames.
+std::uint64_t write_can_log(const Scene& scene, const CarMotion& motion, double duration_s, OutputFile& file);
+
+/// What an Xsens IMU over the rear axle sends, 100 MTData2 messages a second: rate of turn, specific force,
+/// orientation.
+std::uint64_t write_imu_log(const Scene& scene, const CarMotion& motion, double duration_s, Random random,
+                            OutputFile& file);
+
+/// "1767268800.001300": seconds with six decimals.
+[[nodiscard]] std::string stamp(SensorTime time);
+
+}  // namespace roadvec

@@ -1,0 +1,69 @@
+#!/usr/bin/env bash
+# Installs what is missing and runs every check of roadvec: format, layers, build with warnings as errors, unit and property
+# tests, drives through the real programs, sanitizers, lint, and a short fuzz of every parser.
+#
+#   tools/test.sh            everything
+#   tools/test.sh --quick    format, build, tests (no sanitizers, lint or fuzzing)
+#
+# FUZZ_SECONDS=60 fuzzes longer (default 5 per parser). Recordings, if there are any, are looked for in ../shared/data.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+quick=${1:-}
+[ -z "$quick" ] || [ "$quick" = --quick ] || { sed -n '2,9s/^# \{0,1\}//p' "$0"; exit 2; }
+fuzz_seconds=${FUZZ_SECONDS:-5}
+begin=$SECONDS
+say() { printf '\n== %s (%d s)\n' "$*" $((SECONDS - begin)); }
+
+say "packages"
+tools/packages.sh test
+
+say "format"
+git ls-files -z '*.h' '*.cpp' | xargs -0 clang-format-14 --dry-run --Werror
+
+say "build: release"
+cmake --preset release >/dev/null
+cmake --build --preset release
+
+say "tests: release"
+ctest --preset release -j 2 --output-junit "$PWD/build/release/tests.xml"
+passed=$(grep -c 'status="run"' build/release/tests.xml || true)
+if [ "$quick" = --quick ]; then
+  printf '%d passed, 0 failed\n' "$passed"
+  exit 0
+fi
+
+say "build and tests: address and undefined-behaviour sanitizers"
+cmake --preset asan-ubsan >/dev/null
+cmake --build --preset asan-ubsan
+# Drives through the real programs run in the release build; here they would take minutes and show the same lines.
+ctest --preset asan-ubsan -j 2 -LE drive --output-junit "$PWD/build/asan-ubsan/tests.xml"
+
+say "build and tests: thread sanitizer (everything that has threads)"
+cmake --preset tsan >/dev/null
+cmake --build --preset tsan --target test_core_ring test_daemon_server test_daemon
+ctest --preset tsan -L threads --output-junit "$PWD/build/tsan/tests.xml"
+
+say "fuzz: $fuzz_seconds s per parser"
+cmake --preset fuzz >/dev/null
+cmake --build --preset fuzz --target fuzzers
+fuzzed=0
+for fuzzer in build/fuzz/bin/fuzz_*; do
+  name=$(basename "$fuzzer")
+  echo "$name"
+  mkdir -p "build/fuzz/corpus/$name"
+  "$fuzzer" -max_total_time="$fuzz_seconds" -timeout=10 -rss_limit_mb=2048 -print_final_stats=0 -verbosity=0 \
+    -artifact_prefix="build/fuzz/$name-" "build/fuzz/corpus/$name" >"build/fuzz/$name.log" 2>&1 ||
+    { tail -40 "build/fuzz/$name.log"; exit 1; }
+  fuzzed=$((fuzzed + 1))
+done
+
+say "lint"
+git ls-files -z 'core/*.cpp' 'drivers/*.cpp' 'daemon/*.cpp' 'tools/*.cpp' |
+  xargs -0 -n 4 -P 2 clang-tidy-14 -p build/release --quiet 2>/dev/null
+
+passed=0
+for report in build/{release,asan-ubsan,tsan}/tests.xml; do
+  passed=$((passed + $(grep -c 'status="run"' "$report" || true)))
+done
+say "done"
+printf '%d passed, 0 failed\n' $((passed + fuzzed))
