@@ -169,6 +169,14 @@ void Odometry::take(SensorTime time, const ImuSample& imu) noexcept {
 }
 
 void Odometry::correct(const Pose2& T_odom_vehicle, const Eigen::Matrix3d& information) noexcept {
+  const Pose2 now = pose();
+  correct(information * Eigen::Vector3d(T_odom_vehicle.x_m - now.x_m, T_odom_vehicle.y_m - now.y_m,
+                                        wrap_rad(T_odom_vehicle.theta_rad - now.theta_rad)),
+          information);
+}
+
+void Odometry::correct(const Eigen::Vector3d& information_vector, const Eigen::Matrix3d& information) noexcept {
+  const Pose2 before = pose();
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(information);
   for (int k = 0; k < 3; ++k) {
     if (eigen.eigenvalues()[k] <= 1e-3) continue;  // not observed
@@ -176,12 +184,11 @@ void Odometry::correct(const Pose2& T_odom_vehicle, const Eigen::Matrix3d& infor
     const double floor2 = kMatchFloor_m * kMatchFloor_m * axis.head<2>().squaredNorm() +
                           kMatchFloor_rad * kMatchFloor_rad * axis[2] * axis[2];
     const double variance = 1.0 / eigen.eigenvalues()[k] + floor2;
-    const Pose2 now = pose();
-    const Eigen::Vector3d error(T_odom_vehicle.x_m - now.x_m, T_odom_vehicle.y_m - now.y_m,
-                                wrap_rad(T_odom_vehicle.theta_rad - now.theta_rad));
+    const Eigen::Vector3d moved(state_[kX] - before.x_m, state_[kY] - before.y_m,
+                                wrap_rad(state_[kTheta] - before.theta_rad));
     StateVector jacobian = StateVector::Zero();
     jacobian.head<3>() = axis;
-    update(jacobian, axis.dot(error), variance);
+    update(jacobian, axis.dot(information_vector) / eigen.eigenvalues()[k] - axis.dot(moved), variance);
     const Eigen::Vector3d gain = relative_covariance_ * axis / (axis.dot(relative_covariance_ * axis) + variance);
     relative_covariance_ -= (gain * (axis.transpose() * relative_covariance_)).eval();
   }

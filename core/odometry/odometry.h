@@ -65,12 +65,16 @@ class Odometry {
   Odometry(const OdometryConfig& config, const VehicleGeometry& vehicle);
 
   /// Consumes the samples up to `end` (all not older than those of the last call) and predicts to `end`.
-  /// The first call sets the odom frame: the vehicle at its `start`. The path covers [start, end]; valid until the next call.
+  /// The first call sets the odom frame: the vehicle at its `start`. The path covers [start, end]; valid until the next
+  /// call.
   const Path& integrate(std::span<const MotionSample> motion, SensorTime start, SensorTime end) noexcept;
 
   /// A pose of the vehicle in odom at the end of the last integrate(), with the information (inverse covariance,
   /// singular where a direction was not observed) of that measurement alone.
   void correct(const Pose2& T_odom_vehicle, const Eigen::Matrix3d& information) noexcept;
+  /// The same as information * (measured pose - pose()): what is left of a match when the prior it was given is taken
+  /// out.
+  void correct(const Eigen::Vector3d& information_vector, const Eigen::Matrix3d& information) noexcept;
 
   [[nodiscard]] Pose2 pose() const noexcept { return {state_[kX], state_[kY], state_[kTheta]}; }
   [[nodiscard]] PoseCovariance pose_covariance() const noexcept { return covariance_.topLeftCorner<3, 3>(); }

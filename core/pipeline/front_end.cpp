@@ -1,5 +1,6 @@
 #include "core/pipeline/front_end.h"
 
+#include <Eigen/Cholesky>
 #include <cmath>
 
 namespace roadvec {
@@ -88,7 +89,12 @@ void FrontEnd::match_sweep(const VirtualScan& structure, const VirtualScan& boun
   matcher_.set_reference(local_map_odom_);
   match_ = matcher_.run(sweep_lines_, predicted, odometry_.pose_covariance());
   if (match_.usable()) {
-    odometry_.correct(match_.pose, match_.information);
+    // The match is lines and prediction together, and the filter holds the prediction already: give it the lines alone,
+    // L (x_lines - x) = (L + P^-1) (x_match - x).
+    const Eigen::Vector3d moved(match_.pose.x_m - predicted.x_m, match_.pose.y_m - predicted.y_m,
+                                wrap_rad(match_.pose.theta_rad - predicted.theta_rad));
+    const Eigen::Matrix3d prior_information = odometry_.pose_covariance().ldlt().solve(Eigen::Matrix3d::Identity());
+    odometry_.correct((match_.information + prior_information) * moved, match_.information);
     ++report_.match_accepted_count;
   } else {
     ++report_.match_rejected_count;

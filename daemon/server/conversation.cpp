@@ -70,7 +70,7 @@ Conversation::Ending Conversation::take(Session& session, const wire::GetTiles& 
     reply(session, wire::Error{wire::Error::Code::unavailable, "the vehicle's pose is not known yet"}, now_s);
     return std::nullopt;
   }
-  const Pose2 T_map_vehicle = pose_ ? pose_->T_map_odom * pose_->T_odom_vehicle : Pose2{};
+  const Pose2 T_map_vehicle = pose_ ? map_.replica().T_map_odom() * pose_->T_odom_vehicle : Pose2{};
   wire::Tiles part{map_.head().epoch, map_.head().seq, {}, true};
   std::size_t vertices = 0;
   for (const TileKey key : chosen(request, T_map_vehicle)) {

@@ -152,9 +152,9 @@ void MapServer::send_pose(double now_s) {
   const PoseReport& report = poses_.load();
   conversation_.set_pose(report);
   if (!wants_poses()) return;
-  const SharedFrame frame = map_.encoder().encode(
-      wire::Pose{report.time, report.epoch, report.T_map_odom * report.T_odom_vehicle, report.T_odom_vehicle,
-                 report.T_map_odom, report.covariance, report.speed_mps, report.yaw_rate_radps});
+  const SharedFrame frame = map_.encoder().encode(wire::Pose{
+      report.time, map_.head().epoch, map_.replica().T_map_odom() * report.T_odom_vehicle, report.T_odom_vehicle,
+      map_.replica().T_map_odom(), report.covariance, report.speed_mps, report.yaw_rate_radps});
   for (Session& session : sessions_) {
     if (!session.following || !session.following->poses || now_s < session.following->next_pose_s) continue;
     if (session.has_output()) {

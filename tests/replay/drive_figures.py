@@ -5,8 +5,8 @@
 
 MAP_DIR holds map.geojson and trajectory.tum as roadvecd --drive writes them. Trajectories are compared after one SE(2)
 alignment (rotation and shift, no scale); RPE is the error of the relative pose 10 m on, over 10 m. Kerbs: every 0.25 m of
-the map's lines of kind curb, distance to the nearest way of type curbstone, after one rigid motion (shift and turn) of the
-whole map that makes the distances smallest; samples with no such way within 1.5 m have no counterpart and are counted.
+the map's lines of kind curb, distance to the nearest way of type curbstone, after the same alignment and one rigid shift that
+makes the distances smallest; samples with no such way within 1.5 m have no counterpart and are counted apart.
 """
 import argparse
 import json
@@ -43,7 +43,8 @@ def at_time(poses, t):
     return (a[1] + u * (b[1] - a[1]), a[2] + u * (b[2] - a[2]), a[3] + u * turn)
 
 
-def trajectory_figures(ours, truth):
+def alignment(ours, truth):
+    """Motion (turn, from-centre, to-centre) that lays our path on the reference best."""
     pairs = [((x, y, h), at_time(truth, t)) for t, x, y, h in ours]
     pairs = [(a, b) for a, b in pairs if b]
     n = len(pairs)
@@ -51,10 +52,14 @@ def trajectory_figures(ours, truth):
     bx, by = sum(b[0] for _, b in pairs) / n, sum(b[1] for _, b in pairs) / n
     dot = sum((a[0] - ax) * (b[0] - bx) + (a[1] - ay) * (b[1] - by) for a, b in pairs)
     cross = sum((a[0] - ax) * (b[1] - by) - (a[1] - ay) * (b[0] - bx) for a, b in pairs)
-    turn = math.atan2(cross, dot)
-    c, s = math.cos(turn), math.sin(turn)
-    errors = [math.hypot(c * (a[0] - ax) - s * (a[1] - ay) + bx - b[0], s * (a[0] - ax) + c * (a[1] - ay) + by - b[1])
-              for a, b in pairs]
+    c, s = math.cos(math.atan2(cross, dot)), math.sin(math.atan2(cross, dot))
+    return pairs, lambda x, y: (c * (x - ax) - s * (y - ay) + bx, s * (x - ax) + c * (y - ay) + by)
+
+
+def trajectory_figures(ours, truth):
+    pairs, aligned = alignment(ours, truth)
+    n = len(pairs)
+    errors = [math.dist(aligned(a[0], a[1]), b[:2]) for a, b in pairs]
     way = [0.0]
     for (_, p), (_, q) in zip(pairs, pairs[1:]):
         way.append(way[-1] + math.hypot(q[0] - p[0], q[1] - p[1]))
@@ -142,28 +147,18 @@ class Kerbs:
 
 
 def kerb_figures(samples, kerbs):
-    cx, cy = sum(p[0] for p in samples) / len(samples), sum(p[1] for p in samples) / len(samples)
+    def cost(shift, points):
+        return sum(min(kerbs.distance(x + shift[0], y + shift[1]), 1.0) for x, y in points)
 
-    def moved(motion, points):
-        dx, dy, turn = motion
-        c, s = math.cos(turn), math.sin(turn)
-        return [(c * (x - cx) - s * (y - cy) + cx + dx, s * (x - cx) + c * (y - cy) + cy + dy) for x, y in points]
-
-    def cost(motion, points):
-        return sum(min(kerbs.distance(x, y), 1.0) for x, y in moved(motion, points))
-
-    best, step = (0.0, 0.0, 0.0), (0.4, math.radians(0.5))
-    few = samples[:: max(1, len(samples) // 400)]
+    best, step = (0.0, 0.0), 0.4
     for level in range(5):
-        reach = 4 if level == 0 else 2
-        shifts = [k * step[0] for k in range(-reach, reach + 1)]
-        turns = [k * step[1] for k in range(-2, 3)]
-        best = min(((best[0] + a, best[1] + b, best[2] + c) for a in shifts for b in shifts for c in turns),
-                   key=lambda motion: cost(motion, few))
-        step = (step[0] / 2, step[1] / 2)
-    distances = sorted(kerbs.distance(x, y) for x, y in moved(best, samples))
-    near = [d for d in distances if d < GATE_M]
-    return {"shift_east_m": best[0], "shift_north_m": best[1], "turn_deg": math.degrees(best[2]),
+        reach = range(-7, 8) if level == 0 else range(-2, 3)
+        best = min(((best[0] + i * step, best[1] + j * step) for i in reach for j in reach),
+                   key=lambda shift: cost(shift, samples))
+        step /= 2
+    distances = [kerbs.distance(x + best[0], y + best[1]) for x, y in samples]
+    near = sorted(d for d in distances if d < GATE_M)
+    return {"shift_east_m": best[0], "shift_north_m": best[1],
             "curb_length_m": len(samples) * STEP_M, "with_counterpart_m": len(near) * STEP_M,
             "median_m": near[len(near) // 2] if near else None,
             "within_0.3m_percent": 100 * sum(d <= 0.3 for d in near) / len(near) if near else None}
@@ -188,6 +183,9 @@ def main():
             samples = map_samples(json.load(file), local)
         if not samples:
             sys.exit("no lines of kind curb in the map")
+        if arguments.truth:
+            _, aligned = alignment(read_tum(f"{arguments.map_dir}/trajectory.tum"), read_tum(arguments.truth))
+            samples = [aligned(x, y) for x, y in samples]
         figures["kerbs"] = kerb_figures(samples, Kerbs(arguments.lanelet2, local))
     if arguments.json:
         print(json.dumps(figures))

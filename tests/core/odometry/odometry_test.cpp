@@ -91,7 +91,7 @@ TEST(Odometry, a_match_that_saw_one_direction_corrects_that_direction_alone) {
   const Pose2 before = odometry.pose();
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
   information(1, 1) = 1e4;  // across the road
-  odometry.correct({before.x_m + 5, before.y_m + 0.2, before.theta_rad}, information);
+  odometry.correct(Pose2{before.x_m + 5, before.y_m + 0.2, before.theta_rad}, information);
   EXPECT_NEAR(odometry.pose().x_m, before.x_m, 0.05);
   EXPECT_GT(odometry.pose().y_m, before.y_m + 0.1);
 }
