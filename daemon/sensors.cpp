@@ -2,6 +2,9 @@
 
 #include <arpa/inet.h>
 
+#include <filesystem>
+#include <system_error>
+
 #include "core/base/angle.h"
 #include "drivers/can/candump_reader.h"
 #include "drivers/can/socketcan_reader.h"
@@ -64,6 +67,8 @@ std::vector<const SignalSettings*> signals_of(const VehicleSettings& settings) {
 Expected<std::unique_ptr<CanReader>> open_can(const VehicleSettings& settings, InputKind kind,
                                               std::span<const CanId> ids) {
   if (kind == InputKind::recorded || settings.can.find('/') != std::string::npos) {
+    if (std::error_code ignored; kind == InputKind::recorded && std::filesystem::is_fifo(settings.can, ignored))
+      return fail("vehicle.can: " + settings.can + " is a FIFO, which has no end; a drive needs a file");
     auto reader = CandumpReader::open(settings.can);
     if (!reader) return tl::unexpected(reader.error());
     return std::unique_ptr<CanReader>(std::move(*reader));

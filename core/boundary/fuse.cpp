@@ -15,6 +15,7 @@ LocalGrid::LocalGrid(const FuseConfig& config, const WindowConfig& window, FreeS
       size_(static_cast<std::int64_t>(std::bit_ceil(static_cast<std::uint64_t>(window_.size())))),
       log_odds_(static_cast<std::size_t>(size_ * size_), 0.0F),
       cells_(log_odds_.size()),
+      occupied_bits_(log_odds_.size() / 64, 0),
       hit_slots_(window_.cell_count(), 0),
       occupied_(window) {}
 
@@ -22,10 +23,20 @@ std::size_t LocalGrid::place_of(std::int64_t ix, std::int64_t iy) const noexcept
   return static_cast<std::size_t>((iy & (size_ - 1)) * size_ + (ix & (size_ - 1)));
 }
 
+void LocalGrid::set_log_odds(std::size_t place, float log_odds) noexcept {
+  log_odds_[place] = log_odds;
+  const std::uint64_t bit = std::uint64_t{1} << (place % 64);
+  if (log_odds >= static_cast<float>(config_.occupied_log_odds)) {
+    occupied_bits_[place / 64] |= bit;
+  } else {
+    occupied_bits_[place / 64] &= ~bit;
+  }
+}
+
 void LocalGrid::clear_row(std::int64_t iy) noexcept {
   for (std::int64_t i = 0; i < size_; ++i) {
     const std::size_t place = place_of(i, iy);
-    log_odds_[place] = 0;
+    set_log_odds(place, 0);
     cells_[place] = {};
   }
 }
@@ -33,7 +44,7 @@ void LocalGrid::clear_row(std::int64_t iy) noexcept {
 void LocalGrid::clear_column(std::int64_t ix) noexcept {
   for (std::int64_t i = 0; i < size_; ++i) {
     const std::size_t place = place_of(ix, i);
-    log_odds_[place] = 0;
+    set_log_odds(place, 0);
     cells_[place] = {};
   }
 }
@@ -60,8 +71,8 @@ void LocalGrid::hit(const BoundaryCell& cell, const Pose2& correction) noexcept 
   Cell& mean = cells_[place];
   if (mean.touched == sweep_) return;
   mean.touched = sweep_;
-  log_odds_[place] =
-      std::min(log_odds_[place] + static_cast<float>(config_.hit_log_odds), static_cast<float>(config_.limit_log_odds));
+  set_log_odds(place, std::min(log_odds_[place] + static_cast<float>(config_.hit_log_odds),
+                               static_cast<float>(config_.limit_log_odds)));
   mean.hit_count += 1;
   const float share =
       1.0F / static_cast<float>(std::min(mean.hit_count, static_cast<std::uint32_t>(config_.average_count)));
@@ -78,10 +89,10 @@ void LocalGrid::miss(std::size_t place) noexcept {
   Cell& cell = cells_[place];
   if (cell.touched == sweep_) return;
   cell.touched = sweep_;
-  float& odds = log_odds_[place];
-  odds = std::max(odds - static_cast<float>(config_.miss_log_odds), -static_cast<float>(config_.limit_log_odds));
+  set_log_odds(place, std::max(log_odds_[place] - static_cast<float>(config_.miss_log_odds),
+                               -static_cast<float>(config_.limit_log_odds)));
   // Seen to be free: should a boundary come back, it is another one.
-  if (odds <= 0) cell.hit_count = 0;
+  if (log_odds_[place] <= 0) cell.hit_count = 0;
 }
 
 void LocalGrid::fuse(const VirtualScan& scan, const VirtualScanner& scanner, std::span<const std::uint8_t> seen,
@@ -98,10 +109,10 @@ void LocalGrid::fuse(const VirtualScan& scan, const VirtualScanner& scanner, std
   const Window& window = scan.cells->window();
   for (std::size_t k = 0; k < scan.rays.size(); ++k) {
     walk_ray(window, scan.origin_window_m.x(), scan.origin_window_m.y(), scanner.direction(k).x(),
-             scanner.direction(k).y(), [&](int index) {
+             scanner.direction(k).y(), [&](int index, int column, int row) {
                if (scan.cells->slot(index) >= 0) return false;
                if (free_space_ == FreeSpace::where_seen && seen[static_cast<std::size_t>(index)] == 0) return true;
-               miss(place_of(window.first_ix() + index % window.size(), window.first_iy() + index / window.size()));
+               miss(place_of(window.first_ix() + column, window.first_iy() + row));
                return true;
              });
   }
@@ -109,21 +120,24 @@ void LocalGrid::fuse(const VirtualScan& scan, const VirtualScanner& scanner, std
 
 const CellMap& LocalGrid::cells() noexcept {
   occupied_.restart(window_);
-  const auto threshold = static_cast<float>(config_.occupied_log_odds);
-  for (int row = 0; row < window_.size(); ++row) {
-    const std::size_t first = place_of(0, window_.first_iy() + row);
-    for (int column = 0; column < window_.size(); ++column) {
-      const std::size_t place = first + static_cast<std::size_t>((window_.first_ix() + column) & (size_ - 1));
-      if (log_odds_[place] < threshold) continue;
-      const Cell& cell = cells_[place];
-      const float existence = 1.0F / (1.0F + std::exp(-log_odds_[place]));
-      const float sigma_m = std::sqrt(cell.m2_m2);
-      occupied_.add(window_.index(column, row), {static_cast<float>(column * window_.cell_m()) + cell.x_m,
-                                                 static_cast<float>(row * window_.cell_m()) + cell.y_m, cell.ground_m,
-                                                 cell.height_m, sigma_m, existence, cell.hit_count});
+  for (std::size_t word = 0; word < occupied_bits_.size(); ++word) {
+    for (std::uint64_t bits = occupied_bits_[word]; bits != 0; bits &= bits - 1) {
+      report_cell(64 * word + static_cast<std::size_t>(std::countr_zero(bits)));
     }
   }
   return occupied_;
+}
+
+void LocalGrid::report_cell(std::size_t place) noexcept {
+  const auto x = static_cast<std::int64_t>(place) & (size_ - 1), y = static_cast<std::int64_t>(place) / size_;
+  const auto column = static_cast<int>((x - window_.first_ix()) & (size_ - 1));
+  const auto row = static_cast<int>((y - window_.first_iy()) & (size_ - 1));
+  if (column >= window_.size() || row >= window_.size()) return;
+  const Cell& cell = cells_[place];
+  const float existence = 1.0F / (1.0F + std::exp(-log_odds_[place]));
+  occupied_.add(window_.index(column, row), {static_cast<float>(column * window_.cell_m()) + cell.x_m,
+                                             static_cast<float>(row * window_.cell_m()) + cell.y_m, cell.ground_m,
+                                             cell.height_m, std::sqrt(cell.m2_m2), existence, cell.hit_count});
 }
 
 }  // namespace roadvec

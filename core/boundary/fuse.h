@@ -61,6 +61,8 @@ class LocalGrid {
   void clear_column(std::int64_t ix) noexcept;
   void hit(const BoundaryCell& cell, const Pose2& correction) noexcept;
   void miss(std::size_t place) noexcept;
+  void set_log_odds(std::size_t place, float log_odds) noexcept;
+  void report_cell(std::size_t place) noexcept;
   [[nodiscard]] std::size_t place_of(std::int64_t ix, std::int64_t iy) const noexcept;
 
   FuseConfig config_;
@@ -71,7 +73,8 @@ class LocalGrid {
   std::uint32_t sweep_ = 0;
   std::vector<float> log_odds_;
   std::vector<Cell> cells_;
-  std::vector<std::uint32_t> hit_slots_;  // per slot of the scan: last sweep in which it was hit
+  std::vector<std::uint64_t> occupied_bits_;  // one per place: log-odds at or above occupied_log_odds
+  std::vector<std::uint32_t> hit_slots_;      // per slot of the scan: last sweep in which it was hit
   CellMap occupied_;
 };
 

@@ -32,7 +32,7 @@ Segmenter::Segmenter(const SegmentConfig& config, const WindowConfig& window, co
       mounting_(mounting),
       cells_(window_.cell_count(), kEmptyCell),
       stride_(static_cast<std::size_t>(window_.size() + 2 * kReach)),
-      lowest_m_(stride_ * stride_, kNothing_m),
+      spans_(stride_ * stride_, kNoReturns),
       coarse_size_((window_.size() + kCoarseCells - 1) / kCoarseCells),
       result_(window) {
   points_.reserve(max_returns);
@@ -45,7 +45,7 @@ Segmenter::Segmenter(const SegmentConfig& config, const WindowConfig& window, co
 const Segmentation& Segmenter::run(const Sweep& sweep, const Path& path_odom) noexcept {
   for (const std::int32_t i : touched_) {
     cells_[static_cast<std::size_t>(i)] = kEmptyCell;
-    lowest_m_[corner(i % window_.size() + kReach, i / window_.size() + kReach)] = kNothing_m;
+    spans_[corner(i % window_.size() + kReach, i / window_.size() + kReach)] = kNoReturns;
     result_.seen[static_cast<std::size_t>(i)] = 0;
   }
   touched_.clear();
@@ -101,13 +101,10 @@ void Segmenter::place(const Sweep& sweep, const Path& path_odom) noexcept {
     if (!(p.z() > kLowest_m && p.z() < kHighest_m)) continue;
     const int c = static_cast<int>(column), r = static_cast<int>(row);
     const int index = window_.index(c, r);
-    Cell& cell = cells_[static_cast<std::size_t>(index)];
-    float& lowest_m = lowest_m_[corner(c + kReach, r + kReach)];
-    if (lowest_m == kNothing_m) touched_.push_back(index);
-    lowest_m = std::min(lowest_m, p.z());
-    cell.highest_m = std::max(cell.highest_m, p.z());
-    float& coarse = coarse_lowest_m_[static_cast<std::size_t>((r / kCoarseCells) * coarse_size_ + c / kCoarseCells)];
-    coarse = std::min(coarse, p.z());
+    Span& span = spans_[corner(c + kReach, r + kReach)];
+    if (span.lowest_m == kNothing_m) touched_.push_back(index);
+    span.lowest_m = std::min(span.lowest_m, p.z());
+    span.highest_m = std::max(span.highest_m, p.z());
     points_.push_back({p.x(), p.y(), p.z(), index});
   }
   result_.return_count = points_.size();
@@ -116,8 +113,8 @@ void Segmenter::place(const Sweep& sweep, const Path& path_odom) noexcept {
 float Segmenter::lowest_nearby(int column, int row) const noexcept {
   float lowest = kNothing_m;
   for (int dr = 0; dr <= 2 * kReach; ++dr) {
-    const float* cells = &lowest_m_[corner(column, row + dr)];
-    for (int dc = 0; dc <= 2 * kReach; ++dc) lowest = std::min(lowest, cells[dc]);
+    const Span* spans = &spans_[corner(column, row + dr)];
+    for (int dc = 0; dc <= 2 * kReach; ++dc) lowest = std::min(lowest, spans[dc].lowest_m);
   }
   return lowest;
 }
@@ -129,10 +126,10 @@ float Segmenter::road_height(int column, int row) const noexcept {
   int count = 0;
   const auto slope_per_cell = static_cast<float>(config_.slope * window_.cell_m());
   for (int dr = -kReach; dr <= kReach; ++dr) {
-    const float* cells = &lowest_m_[corner(column + kReach, row + kReach + dr)];
+    const Span* spans = &spans_[corner(column + kReach, row + kReach + dr)];
     for (int dc = -kReach; dc <= kReach; ++dc) {
-      if (cells[dc] == kNothing_m) continue;
-      float height = cells[dc] + slope_per_cell * static_cast<float>(std::max(std::abs(dc), std::abs(dr)));
+      if (spans[dc].lowest_m == kNothing_m) continue;
+      float height = spans[dc].lowest_m + slope_per_cell * static_cast<float>(std::max(std::abs(dc), std::abs(dr)));
       for (int k = 0; k < count; ++k) {
         if (height < lowest[static_cast<std::size_t>(k)]) std::swap(height, lowest[static_cast<std::size_t>(k)]);
       }
@@ -147,6 +144,12 @@ float Segmenter::road_height(int column, int row) const noexcept {
 /// Lowest return of each coarse cell and its neighbours: the street itself, even where a cell holds only a roof or a
 /// branch.
 void Segmenter::find_streets() noexcept {
+  for (const std::int32_t index : touched_) {
+    const int column = index % window_.size(), row = index / window_.size();
+    float& coarse =
+        coarse_lowest_m_[static_cast<std::size_t>((row / kCoarseCells) * coarse_size_ + column / kCoarseCells)];
+    coarse = std::min(coarse, spans_[corner(column + kReach, row + kReach)].lowest_m);
+  }
   for (int row = 0; row < coarse_size_; ++row) {
     for (int column = 0; column < coarse_size_; ++column) {
       float lowest = kNothing_m;
@@ -163,18 +166,19 @@ void Segmenter::find_streets() noexcept {
 void Segmenter::find_road() noexcept {
   find_streets();
   const auto step = static_cast<float>(config_.step_m), structure = static_cast<float>(config_.structure_step_m);
-  const auto span = static_cast<float>(config_.span_m);
+  const auto under = static_cast<float>(config_.span_m);
   for (const std::int32_t index : touched_) {
     const int column = index % window_.size(), row = index / window_.size();
     Cell& cell = cells_[static_cast<std::size_t>(index)];
     const float street_m =
         street_m_[static_cast<std::size_t>((row / kCoarseCells) * coarse_size_ + column / kCoarseCells)];
-    cell.limit_m = street_m + span;
+    cell.limit_m = street_m + under;
     cell.structure_m = street_m + structure;
-    result_.seen[static_cast<std::size_t>(index)] = lowest_m_[corner(column + kReach, row + kReach)] < cell.limit_m;
+    const Span& span = spans_[corner(column + kReach, row + kReach)];
+    result_.seen[static_cast<std::size_t>(index)] = span.lowest_m < cell.limit_m;
     // The road's height is worth its cost only where something could stand above it.
     const float least_step_m = lowest_nearby(column, row) + step;
-    if (cell.highest_m <= std::min(least_step_m, cell.structure_m)) {
+    if (span.highest_m <= std::min(least_step_m, cell.structure_m)) {
       cell.step_m = cell.structure_m = kNothing_m;
       continue;
     }

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "core/boundary/window.h"
@@ -76,13 +77,16 @@ class Segmenter {
     float x_m, y_m, z_m;  // window coordinates, height above the vehicle's ground plane
     std::int32_t cell;    // -1: outside
   };
+  struct Span {
+    float lowest_m, highest_m;  // of the returns in a cell
+  };
   struct Cell {
-    float highest_m;
     float step_m, structure_m, limit_m;  // heights; step_m .. limit_m is what counts as an obstacle
     float road_m;
     std::int32_t tally;  // into tallies_, -1: none yet
   };
-  static constexpr Cell kEmptyCell{-1e30F, 0, 0, 0, 0, -1};
+  static constexpr Span kNoReturns{std::numeric_limits<float>::max(), std::numeric_limits<float>::lowest()};
+  static constexpr Cell kEmptyCell{0, 0, 0, 0, -1};
   struct Moments {
     std::uint32_t count = 0;
     float x_m = 0, y_m = 0, xx_m2 = 0, yy_m2 = 0;
@@ -105,7 +109,7 @@ class Segmenter {
   void find_streets() noexcept;
   [[nodiscard]] float lowest_nearby(int column, int row) const noexcept;
   [[nodiscard]] float road_height(int column, int row) const noexcept;
-  /// First of the kReach columns and rows around (column, row) in lowest_m_, whose rim of kReach cells is always empty.
+  /// First of the kReach columns and rows around (column, row) in spans_, whose rim of kReach cells is always empty.
   [[nodiscard]] std::size_t corner(int column, int row) const noexcept {
     return static_cast<std::size_t>(row) * stride_ + static_cast<std::size_t>(column);
   }
@@ -115,8 +119,8 @@ class Segmenter {
   LidarMounting mounting_;
   std::vector<Point> points_;
   std::vector<Cell> cells_;
-  std::size_t stride_;           // of lowest_m_
-  std::vector<float> lowest_m_;  // per cell, apart from the rest: it is read most
+  std::size_t stride_;       // of spans_
+  std::vector<Span> spans_;  // per cell, apart from the rest: they are read most
   std::vector<std::int32_t> touched_;
   int coarse_size_;
   std::vector<float> coarse_lowest_m_, street_m_;  // per coarse cell: lowest return in it; in it and its neighbours

@@ -23,7 +23,7 @@ const VirtualScan& VirtualScanner::run(const CellMap& cells, const Eigen::Vector
   for (std::size_t k = 0; k < directions_.size(); ++k) {
     VirtualScan::Ray ray;
     walk_ray(window, scan_.origin_window_m.x(), scan_.origin_window_m.y(), directions_[k].x(), directions_[k].y(),
-             [&](int index) {
+             [&](int index, int, int) {
                ray.slot = cells.slot(index);
                return ray.slot < 0;
              });

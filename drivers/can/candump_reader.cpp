@@ -1,6 +1,8 @@
 #include "drivers/can/candump_reader.h"
 
 #include <algorithm>
+#include <filesystem>
+#include <system_error>
 #include <utility>
 
 #include "drivers/can/candump_line.h"
@@ -8,12 +10,23 @@
 namespace roadvec {
 
 Expected<std::unique_ptr<CandumpReader>> CandumpReader::open(const std::string& path, const std::string& interface) {
-  Expected<RecordingFile> file = RecordingFile::open(path);
+  std::error_code ignored;
+  Expected<RecordingFile> file =
+      std::filesystem::is_fifo(path, ignored) ? RecordingFile::open_fifo(path) : RecordingFile::open(path);
   if (!file) return fail(file.error().message);
   return std::unique_ptr<CandumpReader>(new CandumpReader(*std::move(file), interface));
 }
 
-CanReadResult CandumpReader::read(CanFrame& frame, std::chrono::milliseconds /*timeout*/) noexcept {
+CanReadResult CandumpReader::read(CanFrame& frame, std::chrono::milliseconds timeout) noexcept {
+  if (next_frame(frame)) return CanReadResult::frame;
+  if (file_.endless() && !file_.failed()) {
+    return file_.wait(timeout) && next_frame(frame) ? CanReadResult::frame : CanReadResult::quiet;
+  }
+  return file_.failed() ? CanReadResult::failed : CanReadResult::end;
+}
+
+/// The next frame there is to read, whatever lines come before it.
+bool CandumpReader::next_frame(CanFrame& frame) noexcept {
   while (const std::optional<std::string_view> text = file_.next_line()) {
     CandumpLine line = parse_candump_line(*text);
     if (line.kind == CandumpKind::drops) counters_.kernel_drop_count += line.dropped_count;
@@ -34,9 +47,9 @@ CanReadResult CandumpReader::read(CanFrame& frame, std::chrono::milliseconds /*t
     frame = line.frame;
     ++counters_.frame_count;
     if (frame.error) count_error_frame(frame, counters_);
-    return CanReadResult::frame;
+    return true;
   }
-  return file_.failed() ? CanReadResult::failed : CanReadResult::end;
+  return false;
 }
 
 std::string_view CandumpReader::interface_name(std::uint8_t interface) const noexcept {

@@ -12,7 +12,8 @@
 
 namespace roadvec {
 
-/// Reads what candump has written. Lines without a time are bad: their frames cannot be put beside other sensors.
+/// Reads what candump has written to a file, or is writing to a FIFO: the latter is quiet where a file ends, and a line
+/// is taken when it is whole. Lines without a time are bad: their frames cannot be put beside other sensors.
 class CandumpReader : public CanReader {
  public:
   /// `interface`: take the frames of this one alone; "" takes all.
@@ -36,6 +37,7 @@ class CandumpReader : public CanReader {
   };
 
   CandumpReader(RecordingFile file, const std::string& interface) : file_(std::move(file)), wanted_(interface) {}
+  bool next_frame(CanFrame& frame) noexcept;
   bool number_of(std::string_view name, std::uint8_t& number) noexcept;
   void count_bad_line(std::string_view reason) noexcept;
 

@@ -1,6 +1,7 @@
 #include "drivers/recording/recording_file.h"
 
 #include <fcntl.h>
+#include <poll.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -18,11 +19,27 @@ Expected<RecordingFile> RecordingFile::open(const std::string& path) {
     ::close(fd);
     return fail("cannot read the recording " + path + ": it is a folder");
   }
-  return RecordingFile(fd);
+  return RecordingFile(fd, false);
+}
+
+Expected<RecordingFile> RecordingFile::open_fifo(const std::string& path) {
+  // O_RDWR: being its own writer, the FIFO neither waits for one nor ends when one leaves [fifo(7)].
+  const int fd = ::open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
+  if (fd < 0) {
+    return fail("cannot open the FIFO " + path + ": " + std::strerror(errno) +
+                "; it must be there, and readable and writable");
+  }
+  struct stat status {};
+  if (::fstat(fd, &status) != 0 || !S_ISFIFO(status.st_mode)) {
+    ::close(fd);
+    return fail("cannot open the FIFO " + path + ": it is none; make it with mkfifo");
+  }
+  return RecordingFile(fd, true);
 }
 
 RecordingFile::RecordingFile(RecordingFile&& other) noexcept
     : fd_(std::exchange(other.fd_, -1)),
+      endless_(other.endless_),
       buffer_(std::move(other.buffer_)),
       begin_(other.begin_),
       end_(other.end_),
@@ -43,7 +60,7 @@ bool RecordingFile::fill() noexcept {
   do {
     count = ::read(fd_, buffer_.data() + end_, buffer_.size() - end_);
   } while (count < 0 && errno == EINTR);
-  if (count < 0) failed_ = true;
+  if (count < 0 && errno != EAGAIN) failed_ = true;
   if (count <= 0) return false;
   end_ += static_cast<std::size_t>(count);
   return true;
@@ -61,11 +78,17 @@ std::optional<std::string_view> RecordingFile::next_line() noexcept {
     }
     searched = unread.size();
     if (fill()) continue;
-    if (end_ == 0) return std::nullopt;
+    // The rest of a FIFO's line may still come; of one longer than the buffer it cannot.
+    if (end_ == 0 || (endless_ && end_ < buffer_.size())) return std::nullopt;
     begin_ = end_;
     ++line_number_;
     return std::string_view(buffer_.data(), end_);  // fill() has moved it to the front
   }
+}
+
+bool RecordingFile::wait(std::chrono::milliseconds timeout) const noexcept {
+  pollfd waiting{.fd = fd_, .events = POLLIN, .revents = 0};
+  return ::poll(&waiting, 1, static_cast<int>(timeout.count())) > 0;
 }
 
 std::span<const std::uint8_t> RecordingFile::next_bytes() noexcept {

@@ -28,7 +28,7 @@ TEST(WalkRay, visits_neighbours_that_share_an_edge) {
   window.centre_on({0, 0});
   for (int k = 0; k < 360; ++k) {
     int last = -1;
-    walk_ray(window, 10.1, 10.3, std::cos(k * 0.01745), std::sin(k * 0.01745), [&](int index) {
+    walk_ray(window, 10.1, 10.3, std::cos(k * 0.01745), std::sin(k * 0.01745), [&](int index, int, int) {
       if (last >= 0) {
         const int moved = std::abs(index % window.size() - last % window.size()) +
                           std::abs(index / window.size() - last / window.size());

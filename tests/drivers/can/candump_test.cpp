@@ -1,9 +1,15 @@
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <string_view>
+#include <thread>
 
 #include "drivers/can/candump_line.h"
 #include "drivers/can/candump_reader.h"
@@ -203,6 +209,96 @@ TEST_F(CandumpReaderTest, lines_across_the_buffer_and_longer_than_it_do_no_harm)
     ASSERT_EQ(frame.data[7], 0x88);
   }
   EXPECT_EQ(count, 5000U);
+}
+
+class CandumpFifoTest : public CandumpReaderTest {
+ protected:
+  void SetUp() override {
+    std::filesystem::remove(path_);
+    ASSERT_EQ(::mkfifo(path_.c_str(), 0600), 0);
+    auto reader = CandumpReader::open(path_);  // before there is a writer: this must not wait for one
+    ASSERT_TRUE(reader) << reader.error().message;
+    reader_ = *std::move(reader);
+  }
+  void TearDown() override {
+    CandumpReaderTest::TearDown();
+    if (writer_ >= 0) ::close(writer_);
+  }
+  void writer_comes() { ASSERT_GE(writer_ = ::open(path_.c_str(), O_WRONLY | O_NONBLOCK), 0); }
+  void writer_leaves() {
+    ::close(writer_);
+    writer_ = -1;
+  }
+  void write(std::string_view text) {
+    ASSERT_EQ(::write(writer_, text.data(), text.size()), static_cast<ssize_t>(text.size()));
+  }
+  std::unique_ptr<CandumpReader> reader_;
+  CanFrame frame_;
+  int writer_ = -1;
+};
+
+TEST_F(CandumpFifoTest, without_a_writer_it_is_quiet_for_as_long_as_it_may_wait) {
+  using Clock = std::chrono::steady_clock;
+  const auto begin = Clock::now();
+  EXPECT_EQ(reader_->read(frame_, std::chrono::milliseconds(0)), CanReadResult::quiet);
+  EXPECT_EQ(reader_->read(frame_, std::chrono::milliseconds(50)), CanReadResult::quiet);
+  const auto waited = Clock::now() - begin;
+  EXPECT_GE(waited, std::chrono::milliseconds(50));
+  EXPECT_LT(waited, std::chrono::seconds(5));
+}
+
+TEST_F(CandumpFifoTest, part_of_a_line_is_kept_until_the_rest_comes) {
+  writer_comes();
+  write("(1.000000) can0 123#11\n(2.000000) can0 12");
+  EXPECT_EQ(reader_->read(frame_, {}), CanReadResult::frame);
+  EXPECT_EQ(reader_->read(frame_, {}), CanReadResult::quiet);
+  EXPECT_EQ(reader_->read(frame_, std::chrono::milliseconds(1)), CanReadResult::quiet);
+  write("3#22");
+  EXPECT_EQ(reader_->read(frame_, std::chrono::milliseconds(1)), CanReadResult::quiet);
+  write("33\n");
+  EXPECT_EQ(reader_->read(frame_, std::chrono::milliseconds(1)), CanReadResult::frame);
+  EXPECT_EQ(frame_.time.ns, 2000000000);
+  EXPECT_THAT(bytes_of(frame_), testing::ElementsAre(0x22, 0x33));
+  EXPECT_EQ(reader_->counters().bad_line_count, 0U);
+}
+
+TEST_F(CandumpFifoTest, a_frame_that_comes_while_it_waits_ends_the_wait) {
+  writer_comes();
+  std::jthread late([this] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    write("(1.000000) can0 123#11\n");
+  });
+  EXPECT_EQ(reader_->read(frame_, std::chrono::seconds(20)), CanReadResult::frame);
+}
+
+TEST_F(CandumpFifoTest, a_writer_leaves_and_another_comes) {
+  writer_comes();
+  write("(1.000000) can0 123#11\n");
+  writer_leaves();
+  EXPECT_EQ(reader_->read(frame_, {}), CanReadResult::frame);
+  EXPECT_EQ(reader_->read(frame_, std::chrono::milliseconds(1)), CanReadResult::quiet);
+  writer_comes();
+  write("(2.000000) can0 123#22\n(3.0");
+  EXPECT_EQ(reader_->read(frame_, {}), CanReadResult::frame);
+  EXPECT_EQ(frame_.data[0], 0x22);
+  writer_leaves();  // in the middle of a line, which the next one then spoils
+  EXPECT_EQ(reader_->read(frame_, {}), CanReadResult::quiet);
+  writer_comes();
+  write("(4.000000) can0 123#44\n(5.000000) can0 123#55\n");
+  EXPECT_EQ(reader_->read(frame_, {}), CanReadResult::frame);
+  EXPECT_EQ(frame_.data[0], 0x55);
+  EXPECT_EQ(reader_->counters().bad_line_count, 1U);
+}
+
+TEST_F(CandumpFifoTest, a_line_longer_than_the_buffer_does_not_stop_what_follows) {
+  writer_comes();
+  const std::string part(50000, 'x');  // a pipe holds 64 KiB
+  for (int i = 0; i < 4; ++i) {
+    write(part);
+    EXPECT_EQ(reader_->read(frame_, {}), CanReadResult::quiet);
+  }
+  write("\n(1.000000) can0 123#11\n");
+  EXPECT_EQ(reader_->read(frame_, {}), CanReadResult::frame);
 }
 
 TEST(CandumpReader, a_file_that_cannot_be_read_is_an_error_that_names_it) {
