@@ -11,3 +11,6 @@ roadvec_test(daemon tests/daemon LINKS daemon_lib TIMEOUT 300)
 
 roadvec_fuzz(server_frame LINKS daemon_server)
 roadvec_fuzz(config LINKS daemon_config)
+
+roadvec_test(daemon_stages tests/daemon/stages LINKS daemon_stages)
+target_sources(test_daemon_stages PRIVATE ${CMAKE_SOURCE_DIR}/tests/support/allocation_count.cpp)

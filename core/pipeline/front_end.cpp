@@ -1,12 +1,43 @@
 #include "core/pipeline/front_end.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace roadvec {
 namespace {
 
 constexpr std::size_t kVertexReserve = 16384, kLineReserve = 2048;  // a window holds 160 000 cells, a scan 1440 hits
+
+Vertex moved(Vertex vertex, const Pose2& T) {
+  const Eigen::Vector2d p = T * vertex.position();
+  vertex.x_m = p.x();
+  vertex.y_m = p.y();
+  return vertex;
+}
+
+/// The point at share u of the way from a to b; exact at both ends.
+Vertex between(const Vertex& a, const Vertex& b, double u) {
+  if (u == 0) return a;
+  if (u == 1) return b;
+  Vertex vertex = u < 0.5 ? a : b;
+  vertex.x_m = a.x_m + u * (b.x_m - a.x_m);
+  vertex.y_m = a.y_m + u * (b.y_m - a.y_m);
+  return vertex;
+}
+
+/// Shares of the way from a to b between which it lies within `radius_m` of the origin; {1, 0} when nowhere.
+std::pair<double, double> within_circle(const Eigen::Vector2d& a, const Eigen::Vector2d& b, double radius_m) {
+  // |a + u (b - a)|^2 = r^2
+  const Eigen::Vector2d d = b - a;
+  const double A = d.squaredNorm(), B = a.dot(d), C = a.squaredNorm() - radius_m * radius_m;
+  if (A == 0) return C <= 0 ? std::pair(0.0, 1.0) : std::pair(1.0, 0.0);
+  const double discriminant = B * B - A * C;
+  if (discriminant <= 0) return {1.0, 0.0};
+  const double root = std::sqrt(discriminant);
+  return {std::max(0.0, (-B - root) / A), std::min(1.0, (-B + root) / A)};
+}
 
 }  // namespace
 
@@ -123,33 +154,30 @@ Keyframe* FrontEnd::take_keyframe(Keyframe* slot) noexcept {
   return slot;
 }
 
-/// Runs of vertices within the keyframe's range; a line that leaves the range and returns becomes two.
+/// Cut at the keyframe's range: a line that leaves it and returns becomes two.
 void FrontEnd::copy_near(const LineSet& lines_odom, const Pose2& T_vehicle_odom, LineSet& out) const {
   out.clear();
-  const double range2_m2 = config_.keyframe.range_m * config_.keyframe.range_m;
   for (const LineSet::Line& line : lines_odom.lines()) {
     const std::span<const Vertex> vertices = lines_odom.vertices_of(line);
-    bool inside = false;
-    for (std::size_t i = 0; i < vertices.size(); ++i) {
-      const Eigen::Vector2d p = T_vehicle_odom * vertices[i].position();
-      if (p.squaredNorm() > range2_m2) {
-        if (inside) out.lines().back().attributes.last_end = EndKind::unseen;
-        inside = false;
+    bool open = false;  // the last segment was inside up to its end
+    for (std::size_t i = 1; i < vertices.size(); ++i) {
+      const Vertex a = moved(vertices[i - 1], T_vehicle_odom), b = moved(vertices[i], T_vehicle_odom);
+      const auto [enter, leave] = within_circle(a.position(), b.position(), config_.keyframe.range_m);
+      if (enter >= leave) {
+        open = false;
         continue;
       }
-      if (!inside) {
-        if (!out.empty() && out.lines().back().count < 2) out.drop_last_line();
+      if (!open) {
         out.begin_line(line.attributes);
-        if (i > 0) out.lines().back().attributes.first_end = EndKind::unseen;
+        if (i > 1 || enter > 0) out.lines().back().attributes.first_end = EndKind::unseen;
+        out.push_vertex(between(a, b, enter));
       }
-      inside = true;
-      Vertex vertex = vertices[i];
-      vertex.x_m = p.x();
-      vertex.y_m = p.y();
-      out.push_vertex(vertex);
+      out.push_vertex(between(a, b, leave));
+      open = leave == 1;
+      if (!open || i + 1 < vertices.size()) out.lines().back().attributes.last_end = EndKind::unseen;
+      if (open && i + 1 == vertices.size()) out.lines().back().attributes.last_end = line.attributes.last_end;
     }
   }
-  if (!out.empty() && out.lines().back().count < 2) out.drop_last_line();
 }
 
 }  // namespace roadvec

@@ -105,6 +105,17 @@ TEST(FrontEnd, keyframe_lines_stay_within_range) {
   for (const LineSet::Line& line : drive.keyframe.lvm.lines()) EXPECT_GE(line.count, 2U);
 }
 
+TEST(FrontEnd, a_straight_line_that_leaves_the_range_is_cut_there_and_not_lost) {
+  Drive drive({});  // without noise the simplified kerbs and wall are segments that end beyond the range
+  for (int i = 0; i < 12; ++i) drive.step();
+  double longest_m = 0;
+  for (const LineSet::Line& line : drive.keyframe.structure.lines()) {
+    const auto vertices = drive.keyframe.structure.vertices_of(line);
+    longest_m = std::max(longest_m, (vertices.back().position() - vertices.front().position()).norm());
+  }
+  EXPECT_GT(longest_m, 0.9 * 2 * std::sqrt(30.0 * 30.0 - 8.0 * 8.0));  // the wall, 8 m aside, within 30 m
+}
+
 TEST(FrontEnd, survives_sweeps_without_returns_and_without_motion) {
   Drive drive({});
   Sweep empty;

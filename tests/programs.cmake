@@ -1,0 +1,15 @@
+# The programs as a user meets them: started, fed, asked and stopped from outside. On one short drive, simulated anew.
+if(NOT ROADVEC_FUZZ)
+  set(test_drive ${CMAKE_BINARY_DIR}/tests/street)
+  set(test_modules ${CMAKE_SOURCE_DIR}/tests/replay:${CMAKE_SOURCE_DIR}/tests/support/python)
+  function(roadvec_programs_test name)
+    add_test(NAME programs.${name} COMMAND /usr/bin/python3 -B ${CMAKE_SOURCE_DIR}/tests/programs/${name}.py)
+    # Alone: drives are played at their true rate, and loads are made on purpose.
+    set_tests_properties(programs.${name} PROPERTIES LABELS drive TIMEOUT 600 RUN_SERIAL ON ${ARGN}
+      ENVIRONMENT "ROADVEC_BIN=${CMAKE_RUNTIME_OUTPUT_DIRECTORY};ROADVEC_SOURCE=${CMAKE_SOURCE_DIR};ROADVEC_RECORDINGS=${ROADVEC_RECORDINGS};ROADVEC_TEST_DRIVE=${test_drive};PYTHONPATH=${test_modules}")
+  endfunction()
+  roadvec_programs_test(make_drive FIXTURES_SETUP test_drive)
+  foreach(name drive_test errors_test inspect_test live_test kitti_test)
+    roadvec_programs_test(${name} FIXTURES_REQUIRED test_drive)
+  endforeach()
+endif()

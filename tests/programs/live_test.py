@@ -1,0 +1,203 @@
+"""roadvecd as in the car: a drive played at its true rate into UDP, a FIFO and a serial line, and clients on the map socket."""
+
+import json
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+import types
+
+import programs
+import roadvec_client
+from programs import DRIVE, SOURCE, ProgramTest, command, counters_of, drive_toml, read_json, run, running
+
+HALF_A_FRAME = struct.pack("<I", 1000) + b"half"
+TOO_LONG = struct.pack("<I", 0xFFFFFFFF)
+NO_ENVELOPE = struct.pack("<I", 16) + b"\xff" * 16
+
+
+def map_length_m(map_folder):
+    return read_json(map_folder / "report.json")["map_length_m"]
+
+
+class LiveTest(ProgramTest):
+    def setUp(self):
+        super().setUp()
+        self.fifo, self.serial, self.socket = (self.folder / name for name in ("can.fifo", "imu", "map.sock"))
+        self.map = self.folder / "map"
+        os.mkfifo(self.fifo)
+        self.tables = self.car_tables(can=str(self.fifo))
+
+    def wait_until(self, what, happened, limit_s=20):
+        end = time.monotonic() + limit_s
+        while time.monotonic() < end:
+            if answer := happened():
+                return answer
+            time.sleep(0.05)
+        return self.fail(f"{what}: not within {limit_s} s")
+
+    def roadvec(self, *arguments):
+        result = run("roadvec", "--socket", self.socket, *arguments, timeout_s=30)
+        self.assertEqual(result.returncode, 0, f"{arguments}: {result.stderr}")
+        return result.stdout
+
+    def status(self):
+        return json.loads(self.roadvec("status", "--json"))
+
+    def connection(self):
+        connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self.addCleanup(connection.close)
+        connection.connect(str(self.socket))
+        return connection
+
+    def stop(self, daemon):
+        begin = time.monotonic()
+        daemon.send_signal(signal.SIGTERM)
+        _, log = daemon.communicate(timeout=30)
+        self.assertEqual(daemon.returncode, 0, log)
+        self.assertLess(time.monotonic() - begin, 10)
+        return log
+
+    def use_serial_line(self):
+        settings = drive_toml()["imu"]
+        del settings["log"]
+        self.tables["imu"] = {**settings, "device": str(self.serial)}
+
+    def replay(self, *arguments):
+        return running("roadvec-replay", DRIVE, "--udp", f"127.0.0.1:{self.tables['lidar']['port']}", "--position-port", 0,
+                       "--can-pipe", self.fifo, "--imu-pty", self.serial, "--json", *arguments)
+
+    def python_client(self, lines_file):
+        client = subprocess.Popen([sys.executable, SOURCE / "tests/support/python/roadvec_client.py", "--proto",
+                                   SOURCE / "core/wire/roadvec.proto", "--socket", self.socket, "--lines", lines_file])
+        self.addCleanup(client.wait)
+        self.addCleanup(client.kill)
+        return client
+
+    def send_rubbish(self):
+        """To the sensor's port and to the map socket."""
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            for datagram in (b"", b"short", bytes(1300), bytes(1206)):
+                sender.sendto(datagram, ("127.0.0.1", self.tables["lidar"]["port"]))
+        for rubbish in (HALF_A_FRAME, TOO_LONG, NO_ENVELOPE):
+            self.connection().sendall(rubbish)
+
+    def test_a_drive_played_into_the_daemon_is_mapped_served_and_kept(self):
+        self.use_serial_line()
+        mapped = run("roadvecd", "--drive", DRIVE, "--out", self.folder / "recorded")
+        self.assertEqual(mapped.returncode, 0, mapped.stderr)
+        lines_file, watched = self.folder / "lines.json", self.folder / "watched"
+        with self.replay() as replay:
+            self.wait_until("the serial line", self.serial.is_symlink)
+            with running("roadvecd", "--config", self.car_file(self.tables)) as daemon:
+                self.wait_until("the map socket", lambda: self.socket.exists() or daemon.poll() is not None)
+                client = self.python_client(lines_file)
+                self.send_rubbish()
+                with open(watched, "w", encoding="utf-8") as out, running(
+                        "roadvec", "--socket", self.socket, "watch", "--json", "--poses", "--status", stdout=out) as watcher:
+                    played = json.loads(replay.communicate(timeout=60)[0])
+                    self.check_played(played)
+                    final = self.wait_until_all_is_mapped()
+                    self.check_losses(final)
+                    self.check_other_commands(final)
+                    self.stop(daemon)
+                    _, complaint = watcher.communicate(timeout=10)
+                    self.assertEqual(watcher.returncode, 0, complaint)
+                self.assertEqual(client.wait(timeout=30), 0)
+        self.check_watched(watched.read_text(encoding="utf-8"))
+        self.check_files(lines_file)
+
+    def check_played(self, played):
+        self.assertFalse(played["interrupted"])
+        self.assertEqual([track["name"] for track in played["tracks"]], ["lidar", "can", "imu"])
+        for track in played["tracks"]:
+            self.assertGreater(track["sent_count"], 0)
+            self.assertEqual(track["lost_count"], 0, track)
+        self.assertAlmostEqual(played["rate"], 1, delta=0.05)
+
+    def wait_until_all_is_mapped(self):
+        """Nothing more comes: the status of two seconds is the same, but for the time."""
+        seen = []
+
+        def settled():
+            status = self.status()
+            seen.append((status["head_seq"], counters_of(status, "mapping")["sweeps"]))
+            return status if len(seen) > 40 and seen[-1] == seen[-40] else None
+
+        return self.wait_until("the end of the drive", settled)
+
+    def check_losses(self, status):
+        lidar, recorded = counters_of(status, "lidar"), read_json(self.folder / "recorded/report.json")
+        for name in ("kernel_drops", "ring_full", "reordered", "foreign_source", "sweep_overflow"):
+            self.assertEqual(lidar[name], 0, name)
+        self.assertEqual(lidar["received"], counters_of(recorded, "lidar")["received"] + lidar["wrong_flags"])
+        self.assertEqual((lidar["wrong_length"], lidar["wrong_flags"]), (3, 1))  # the rubbish
+        self.assertEqual(counters_of(status, "vehicle")["ring_full"], 0)
+        self.assertEqual(counters_of(status, "vehicle")["samples"], counters_of(recorded, "vehicle")["samples"])
+        server = counters_of(status, "server")
+        self.assertEqual(server["closed_frame_length"], 1)
+        self.assertEqual(server["closed_malformed"], 1)
+        self.assertEqual(server["closed_hello_timeout"], 1)  # the half frame was no Hello
+        self.assertEqual(server["clients_overrun"], 0)
+        self.assertEqual(status["not_growing_reason"], "")
+
+    def check_other_commands(self, status):
+        tiles = [json.loads(line) for line in self.roadvec("tiles", "--json").splitlines()]
+        self.assertEqual(len(tiles), status["tile_count"])
+        lines = {piece["line_id"] for tile in tiles for piece in tile["pieces"]}
+        self.assertEqual(len(lines), status["line_count"])
+        self.assertLess(len(self.roadvec("tiles", "--around", "1").splitlines()), len(tiles) + 1)
+        self.assertIn("mapping", self.roadvec("status"))
+        exported = json.loads(self.roadvec("export", "geojson"))
+        self.assert_rfc_7946(exported)
+        picture = self.folder / "map.svg"
+        self.roadvec("render", "-o", picture)
+        self.assertIn("<svg", picture.read_text(encoding="utf-8"))
+        first = [json.loads(line) for line in self.roadvec("watch", "--json", "--status", "-n", "2").splitlines()]
+        self.assertEqual({message["type"] for message in first}, {"snapshot", "status"})
+
+    def check_watched(self, text):
+        messages = [json.loads(line) for line in text.splitlines()]
+        kinds = [message["type"] for message in messages]
+        self.assertEqual(kinds[0], "snapshot")
+        self.assertNotIn("overrun", kinds)
+        changes = [message["seq"] for message in messages if message["type"] in ("delta", "epoch_change")]
+        self.assertGreater(len(changes), 5)
+        self.assertEqual(changes, list(range(changes[0], changes[0] + len(changes))))
+        self.assertGreater(kinds.count("pose"), 60)
+        self.assertGreater(kinds.count("status"), 5)
+
+    def check_files(self, lines_file):
+        """The written map is what the client followed, and that of the recorded drive but for what live timing changes."""
+        self.assert_rfc_7946(read_json(self.map / "map.geojson"))
+        lines = {int(line_id): line for line_id, line in read_json(lines_file).items()}
+        roadvec_client.compare(lines, self.map / "map.geojson", types.SimpleNamespace(**drive_toml()["anchor"]))
+        live_m, recorded_m = map_length_m(self.map), map_length_m(self.folder / "recorded")
+        print(f"live {live_m:.1f} m, recorded {recorded_m:.1f} m")
+        self.assertAlmostEqual(live_m, recorded_m, delta=0.1 * recorded_m)
+        self.assertFalse(self.socket.exists())
+
+    def test_a_daemon_without_any_input_says_so_and_stops_when_asked(self):
+        with running("roadvecd", "--config", self.car_file(self.tables)) as daemon:
+            self.wait_until("the map socket", lambda: self.socket.exists() or daemon.poll() is not None)
+            status = self.wait_until("a status", lambda: self.status())
+            self.assertEqual(status["state"], "waiting")
+            self.assertIn("no LiDAR packets", status["not_growing_reason"])
+            self.stop(daemon)
+        self.assertEqual(read_json(self.map / "map.geojson")["features"], [])
+
+    def test_a_second_daemon_is_refused(self):
+        with running("roadvecd", "--config", self.car_file(self.tables)) as daemon:
+            self.wait_until("the map socket", lambda: self.socket.exists() or daemon.poll() is not None)
+            self.tables["lidar"]["port"] = programs.free_udp_port()
+            second = run("roadvecd", "--config", self.car_file(self.tables), timeout_s=20)
+            self.assert_refused(second, 1, "map.sock", "in use")
+            self.assertEqual(self.status()["state"], "waiting")
+            self.stop(daemon)
+
+
+if __name__ == "__main__":
+    programs.main()
