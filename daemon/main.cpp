@@ -4,12 +4,14 @@
 #include <cstdio>
 #include <exception>
 #include <optional>
+#include <stdexcept>
 #include <string>
 
 #include "daemon/config/config_text.h"
 #include "daemon/config/load.h"
 #include "daemon/daemon.h"
 #include "daemon/log.h"
+#include "daemon/results.h"
 
 namespace {
 
@@ -53,12 +55,15 @@ Expected<Settings> settings_of(const Arguments& arguments, bool config_given) {
 
 int run(const Arguments& arguments, const Settings& settings) {
   const InputKind kind = arguments.drive.empty() ? InputKind::live : InputKind::recorded;
+  const std::filesystem::path output =
+      arguments.out.empty() ? settings.storage.directory : std::filesystem::path(arguments.out);
+  if (const Expected<void> ready = make_writable(output); !ready) throw std::runtime_error(ready.error().message);
   Service service;
   Daemon daemon(settings, kind, service);
   spdlog::info(
       "roadvecd {} started: {} {}", ROADVEC_VERSION, settings.lidar.model,
       kind == InputKind::live ? "on UDP port " + std::to_string(settings.lidar.port) : "from " + arguments.drive);
-  return daemon.run(arguments.out.empty() ? settings.storage.directory : std::filesystem::path(arguments.out));
+  return daemon.run(output);
 }
 
 }  // namespace

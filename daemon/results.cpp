@@ -1,8 +1,11 @@
 #include "daemon/results.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <system_error>
@@ -79,10 +82,16 @@ Anchor anchor_of(const Settings& settings) {
   return {anchor.latitude_deg, anchor.longitude_deg, anchor.height_m, anchor.yaw_deg};
 }
 
-Expected<void> write_all(const Results& results, const std::filesystem::path& directory) {
+Expected<void> make_writable(const std::filesystem::path& directory) {
   std::error_code error;
   std::filesystem::create_directories(directory, error);
   if (error) return fail(fmt::format("cannot make the directory {}: {}", directory.string(), error.message()));
+  if (::access(directory.c_str(), W_OK | X_OK) == 0) return {};
+  return fail(fmt::format("cannot write into the directory {}: {}", directory.string(), std::strerror(errno)));
+}
+
+Expected<void> write_all(const Results& results, const std::filesystem::path& directory) {
+  if (const Expected<void> ready = make_writable(directory); !ready) return ready;
   for (const auto& [name, text] : {std::pair{"map.geojson", geojson_of(results.back_end.map(), results.anchor)},
                                    std::pair{"map.svg", picture(results.back_end, results.status)},
                                    std::pair{"trajectory.tum", trajectory_text(results.back_end)},

@@ -19,6 +19,9 @@ struct Results {
 
 [[nodiscard]] Anchor anchor_of(const Settings& settings);
 
+/// Makes `directory` if it is missing, and says why nothing could be written there: asked before an hour is mapped.
+[[nodiscard]] Expected<void> make_writable(const std::filesystem::path& directory);
+
 /// Writes into `directory` (made if missing): map.geojson (WGS 84, RFC 7946), map.svg, trajectory.tum (T_map_vehicle at
 /// the keyframes: t x y z qx qy qz qw) and report.json (counters, times per step, map figures). Each file appears whole
 /// or not at all.

@@ -1,5 +1,5 @@
 roadvec_test(core_base tests/core/base LINKS core_base)
-roadvec_test(core_ring tests/core/ring LINKS core_base Threads::Threads)
+roadvec_test(core_ring tests/core/ring LABEL threads LINKS core_base Threads::Threads)
 roadvec_test(core_geometry tests/core/geometry LINKS core_base)
 roadvec_test(core_odometry tests/core/odometry LINKS core_odometry)
 roadvec_test(core_boundary tests/core/boundary LINKS core_boundary)

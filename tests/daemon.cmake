@@ -1,4 +1,4 @@
-roadvec_test(daemon_server tests/daemon/server LINKS daemon_server)
+roadvec_test(daemon_server tests/daemon/server LABEL threads LINKS daemon_server)
 if(TARGET test_daemon_server)
   add_dependencies(test_daemon_server roadvec)  # runs it
 endif()
@@ -7,10 +7,9 @@ roadvec_test(daemon_replay tests/daemon/replay LINKS daemon_config)
 if(TARGET test_daemon_replay)
   add_dependencies(test_daemon_replay roadvec-replay)
 endif()
-roadvec_test(daemon tests/daemon LINKS daemon_lib TIMEOUT 300)
 
 roadvec_fuzz(server_frame LINKS daemon_server)
 roadvec_fuzz(config LINKS daemon_config)
 
-roadvec_test(daemon_stages tests/daemon/stages LINKS daemon_stages)
+roadvec_test(daemon_stages tests/daemon/stages LABEL threads LINKS daemon_stages)
 target_sources(test_daemon_stages PRIVATE ${CMAKE_SOURCE_DIR}/tests/support/allocation_count.cpp)

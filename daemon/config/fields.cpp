@@ -63,7 +63,7 @@ void visit_fields(VehicleSettings& s, FieldList& field) {
       .is_required("\"vehicles/example.dbc\"");
   field("vehicle.steering_signal", s.steering_signal,
         "angle of the steering wheel, left positive: \"Message.Signal\", or { sum = [\"...\"], sign = \"...\", "
-        "valid = \"...\", unit = \"deg\", scale = 1.0 }; empty: not sent")
+        "unit = \"deg\", scale = 1.0 }; empty: not sent")
       .is_required("\"SteeringSensor.SteeringWheelAngle\"");
   field("vehicle.wheel_speed_signals", s.wheel_speed_signals,
         "4: front left, right, rear left, right; 2: the two of an axle; 1: the vehicle; each written as the "
@@ -200,7 +200,7 @@ std::string table_meaning(std::string_view table) {
       {"lidar", "the sensor, and its place in the vehicle frame (rear axle on the ground, x ahead, y left, z up)"},
       {"vehicle", "the car and its CAN bus; leave the table out if there is no CAN (then [imu] is needed)"},
       {"imu", "the inertial sensor; leave the table out if there is none (then [vehicle] is needed)"},
-      {"anchor", "the start fix; leave the table out to take it from the lidar's GPS receiver"},
+      {"anchor", "the start fix: where the map's origin lies and how the vehicle stands there"},
       {"server", "the sockets"},
       {"storage", "where the map is kept"},
       {"log", "messages"},

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "core/base/backoff.h"
+#include "drivers/recording/backoff.h"
 #include "core/base/error.h"
 #include "drivers/can/can_reader.h"
 

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "core/base/backoff.h"
+#include "drivers/recording/backoff.h"
 #include "core/base/error.h"
 #include "drivers/imu/imu_reader.h"
 

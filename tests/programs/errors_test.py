@@ -83,11 +83,13 @@ class DriveErrors(ProgramTest):
         os.mkfifo(drive / "can.log")
         self.assert_refused(self.map_drive(drive), FAILURE, "can.log", "FIFO")
 
-    def test_an_output_folder_that_cannot_be_made(self):
+    def test_an_output_folder_that_cannot_be_written_is_refused_before_anything_is_mapped(self):
         (self.folder / "map").write_text("a file in the way", encoding="utf-8")
-        result = self.map_drive(DRIVE)
-        self.assertEqual(result.returncode, FAILURE)
-        self.assertRegex(result.stderr.strip().splitlines()[-1], "cannot make the directory .*/map")
+        self.assert_refused(self.map_drive(DRIVE), FAILURE, "cannot make the directory .*/map")
+        if os.geteuid() != 0:  # nobody forbids root to write
+            (self.folder / "map").unlink()
+            (self.folder / "map").mkdir(mode=0o500)
+            self.assert_refused(self.map_drive(DRIVE), FAILURE, "cannot write into the directory .*/map")
 
 
 class CommandLine(ProgramTest):
@@ -163,6 +165,10 @@ class CarErrors(ProgramTest):
         tables = self.car_tables()
         tables["server"]["socket"] = str(self.folder / "none/map.sock")
         self.assert_refused(self.start(tables), FAILURE, "none/map.sock", "folder")
+
+    def test_a_map_folder_that_cannot_be_made(self):
+        (self.folder / "map").write_text("a file in the way", encoding="utf-8")
+        self.assert_refused(self.start(self.car_tables()), FAILURE, "cannot make the directory .*/map")
 
     def test_a_car_without_an_anchor(self):
         tables = self.car_tables()

@@ -12,7 +12,7 @@ import types
 
 import programs
 import roadvec_client
-from programs import DRIVE, SOURCE, ProgramTest, command, counters_of, drive_toml, read_json, run, running
+from programs import DRIVE, SOURCE, ProgramTest, counters_of, drive_toml, read_json, run, running
 
 HALF_A_FRAME = struct.pack("<I", 1000) + b"half"
 TOO_LONG = struct.pack("<I", 0xFFFFFFFF)
@@ -30,6 +30,14 @@ class LiveTest(ProgramTest):
         self.map = self.folder / "map"
         os.mkfifo(self.fifo)
         self.tables = self.car_tables(can=str(self.fifo))
+
+    def wait_until_it_serves(self, daemon):
+        def answers():
+            with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+                return probe.connect_ex(str(self.socket)) == 0
+
+        self.wait_until("the map socket", lambda: answers() or daemon.poll() is not None)
+        self.assertIsNone(daemon.poll(), "roadvecd has ended")
 
     def wait_until(self, what, happened, limit_s=20):
         end = time.monotonic() + limit_s
@@ -93,7 +101,7 @@ class LiveTest(ProgramTest):
         with self.replay() as replay:
             self.wait_until("the serial line", self.serial.is_symlink)
             with running("roadvecd", "--config", self.car_file(self.tables)) as daemon:
-                self.wait_until("the map socket", lambda: self.socket.exists() or daemon.poll() is not None)
+                self.wait_until_it_serves(daemon)
                 client = self.python_client(lines_file)
                 self.send_rubbish()
                 with open(watched, "w", encoding="utf-8") as out, running(
@@ -180,10 +188,21 @@ class LiveTest(ProgramTest):
         self.assertAlmostEqual(live_m, recorded_m, delta=0.1 * recorded_m)
         self.assertFalse(self.socket.exists())
 
+    def test_a_daemon_that_is_stopped_in_the_middle_of_a_drive_keeps_what_it_has(self):
+        self.use_serial_line()
+        with self.replay() as replay:
+            self.wait_until("the serial line", self.serial.is_symlink)
+            with running("roadvecd", "--config", self.car_file(self.tables)) as daemon:
+                self.wait_until_it_serves(daemon)
+                self.wait_until("a map", lambda: self.status()["line_count"] > 2)
+                self.assertIn("map written to", self.stop(daemon))
+                self.assertIsNone(replay.poll())
+        self.assert_rfc_7946(read_json(self.map / "map.geojson"))
+
     def test_a_daemon_without_any_input_says_so_and_stops_when_asked(self):
         with running("roadvecd", "--config", self.car_file(self.tables)) as daemon:
-            self.wait_until("the map socket", lambda: self.socket.exists() or daemon.poll() is not None)
-            status = self.wait_until("a status", lambda: self.status())
+            self.wait_until_it_serves(daemon)
+            status = self.status()
             self.assertEqual(status["state"], "waiting")
             self.assertIn("no LiDAR packets", status["not_growing_reason"])
             self.stop(daemon)
@@ -191,7 +210,7 @@ class LiveTest(ProgramTest):
 
     def test_a_second_daemon_is_refused(self):
         with running("roadvecd", "--config", self.car_file(self.tables)) as daemon:
-            self.wait_until("the map socket", lambda: self.socket.exists() or daemon.poll() is not None)
+            self.wait_until_it_serves(daemon)
             self.tables["lidar"]["port"] = programs.free_udp_port()
             second = run("roadvecd", "--config", self.car_file(self.tables), timeout_s=20)
             self.assert_refused(second, 1, "map.sock", "in use")

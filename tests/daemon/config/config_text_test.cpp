@@ -95,7 +95,7 @@ TEST(ConfigText, every_key_has_range_default_and_meaning) {
                                                "1.0; default 0.06\ntolerance_m = 0.06\n"));
   EXPECT_THAT(default_config_text(),
               HasSubstr("# height above the road; 0.0 to 10.0; NO DEFAULT: set it for your car\nz_m = 1.73\n"));
-  EXPECT_THAT(default_config_text(), HasSubstr("; \"arrival\" | \"device\"; default \"arrival\"\n"));
+  EXPECT_THAT(default_config_text(), HasSubstr("; \"arrival\" | \"device\" | \"device_utc\"; default \"arrival\"\n"));
 }
 
 TEST(ConfigFields, are_sound) {
