@@ -58,6 +58,7 @@ wire::Stage Daemon::mapping_status() const {
                     {"unmatched", report.front_end.match_rejected_count},
                     {"keyframes", report.front_end.keyframe_count},
                     {"late_motion", mapping_->late_motion_count().value()},
+                    {"raw_rays", report.front_end.raw_ray_count},
                     {"raw_vertices", report.front_end.raw_vertex_count},
                     {"kept_vertices", report.front_end.kept_vertex_count}};
   stage.gauges = {{"gyro_bias_radps", report.gyro_bias_radps},

@@ -89,6 +89,7 @@ void Vectoriser::emit(std::size_t first, std::size_t last, const VirtualScan& sc
   lines_.begin_line(attributes);
   const Eigen::Vector2d origin_odom = scan.cells->window().origin_odom();
   for (std::size_t i = first; i <= last; ++i) {
+    ray_count_ += hits_[i].last_ray - hits_[i].first_ray + 1;
     const BoundaryCell& cell = *hits_[i].cell;
     const Eigen::Vector2d p = T_out_odom * (origin_odom + Eigen::Vector2d(cell.x_m, cell.y_m));
     const float sigma_m =
@@ -99,6 +100,7 @@ void Vectoriser::emit(std::size_t first, std::size_t last, const VirtualScan& sc
 
 const LineSet& Vectoriser::run(const VirtualScan& scan, const Pose2& T_out_odom) noexcept {
   lines_.clear();
+  ray_count_ = 0;
   collect(scan);
   for (std::size_t first = 0; first < hits_.size();) {
     std::size_t last = first;

@@ -39,6 +39,8 @@ class Vectoriser {
   /// Lines in the frame that T_out_odom leads to, clockwise as seen from the scan's origin: the free side is on their
   /// right. Valid until the next call.
   const LineSet& run(const VirtualScan& scan, const Pose2& T_out_odom) noexcept;
+  /// Rays that met the lines of the last run(): the vertices of the paper's raw LVM, which has one for each ray.
+  [[nodiscard]] std::uint64_t ray_count() const { return ray_count_; }
 
  private:
   struct Hit {
@@ -56,6 +58,7 @@ class Vectoriser {
   std::vector<Hit> hits_;
   std::vector<float> heights_m_;
   LineSet lines_;
+  std::uint64_t ray_count_ = 0;
 };
 
 }  // namespace roadvec

@@ -149,6 +149,7 @@ Keyframe* FrontEnd::take_keyframe(Keyframe* slot) noexcept {
   last_keyframe_pose_ = pose;
   has_keyframe_ = true;
   ++report_.keyframe_count;
+  report_.raw_ray_count += boundary_vectoriser_.ray_count();
   report_.raw_vertex_count += raw_lvm_->vertices().size();
   report_.kept_vertex_count += lvm_->vertices().size();
   return slot;

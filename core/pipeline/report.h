@@ -46,7 +46,8 @@ struct FrontEndReport {
   std::uint64_t match_accepted_count = 0;
   std::uint64_t match_rejected_count = 0;
   std::uint64_t keyframe_count = 0;
-  std::uint64_t raw_vertex_count = 0;   ///< of the keyframes' raw LVMs
+  std::uint64_t raw_ray_count = 0;      ///< rays that met the keyframes' lines: the paper's raw LVM
+  std::uint64_t raw_vertex_count = 0;   ///< of the keyframes' raw LVMs, one for each cell met
   std::uint64_t kept_vertex_count = 0;  ///< of the same LVMs after simplify
   double travelled_m = 0;
 };
