@@ -144,7 +144,9 @@ class LiveTest(ProgramTest):
         self.assertEqual(lidar["received"], counters_of(recorded, "lidar")["received"] + lidar["wrong_flags"])
         self.assertEqual((lidar["wrong_length"], lidar["wrong_flags"]), (3, 1))  # the rubbish
         self.assertEqual(counters_of(status, "vehicle")["ring_full"], 0)
-        self.assertEqual(counters_of(status, "vehicle")["samples"], counters_of(recorded, "vehicle")["samples"])
+        # Not all: a pseudo-terminal drops what is unread when the player goes.
+        samples = counters_of(recorded, "vehicle")["samples"]
+        self.assertAlmostEqual(counters_of(status, "vehicle")["samples"], samples, delta=0.05 * samples)
         server = counters_of(status, "server")
         self.assertEqual(server["closed_frame_length"], 1)
         self.assertEqual(server["closed_malformed"], 1)

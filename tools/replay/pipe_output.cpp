@@ -96,12 +96,14 @@ PtyOutput::~PtyOutput() {
 /// What is unread is lost when the terminal goes; a reader that lives takes it within moments.
 void PtyOutput::wait_until_read() const {
   const FileDescriptor line(::open(path_.c_str(), O_RDONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
-  constexpr int kTries = 50;
-  int unread = 1;
-  for (int i = 0; i < kTries && unread > 0; ++i) {
+  // The kernel hands bytes on to the line a little later, and until then counts them nowhere: empty once is not empty.
+  constexpr int kTries = 50, kEmptyTries = 5;
+  int unread = 0, empty_tries = 0;
+  for (int i = 0; i < kTries && empty_tries < kEmptyTries; ++i) {
     constexpr timespec kPause{.tv_sec = 0, .tv_nsec = 10'000'000};
     ::nanosleep(&kPause, nullptr);
     if (::ioctl(line.get(), FIONREAD, &unread) != 0) return;
+    empty_tries = unread > 0 ? 0 : empty_tries + 1;
   }
 }
 
