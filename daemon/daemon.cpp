@@ -47,10 +47,10 @@ Daemon::Daemon(const Settings& settings, InputKind kind, Service& service)
         "[anchor] is missing: give the start fix (latitude_deg, longitude_deg, height_m, yaw_deg)");
   }
   LidarInput lidar = or_throw(open_lidar(settings_.lidar, kind, lidar_counters_));
-  vehicle_inputs_ = or_throw(open_vehicle(settings_, kind));
+  std::vector<std::unique_ptr<MotionInput>> motion_inputs = or_throw(open_vehicle(settings_, kind));
   const MapHead head = first_head(kind);
   lidar_.emplace(std::move(lidar.source), lidar.model, lidar.calibration, lidar.options, lidar_counters_, sweeps_);
-  vehicle_.emplace(std::move(vehicle_inputs_.inputs), motion_);
+  vehicle_.emplace(std::move(motion_inputs), motion_);
   mapping_.emplace(settings_.pipeline, front_end_setup(settings_, lidar.model), sweeps_, motion_, mapping_bell_,
                    keyframes_, poses_);
   const Pose2 T_map_odom_start{0, 0, rad_from_deg(settings_.anchor->yaw_deg)};
@@ -139,6 +139,7 @@ void Daemon::supervise() {
 
 void Daemon::take_reports() {
   const std::scoped_lock lock(reports_mutex_);
+  vehicle_counts_ = vehicle_->counts().load();
   mapping_report_ = mapping_->reports().load();
   optimiser_report_ = optimiser_->reports().load();
 }

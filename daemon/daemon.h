@@ -61,7 +61,6 @@ class Daemon {
   FrameLog frames_;
 
   LidarCounters lidar_counters_;
-  VehicleInputs vehicle_inputs_;
   std::optional<LidarStage> lidar_;
   std::optional<VehicleStage> vehicle_;
   std::optional<MappingStage> mapping_;
@@ -75,6 +74,7 @@ class Daemon {
   std::array<std::uint64_t, 4> last_turns_{};
 
   mutable std::mutex reports_mutex_;  ///< main and server thread; no real-time thread comes near it
+  VehicleCounts vehicle_counts_;
   MappingReport mapping_report_;
   OptimiserReport optimiser_report_;
 };

@@ -1,6 +1,7 @@
 #include "daemon/sensors.h"
 
 #include <arpa/inet.h>
+#include <spdlog/spdlog.h>
 
 #include <filesystem>
 #include <system_error>
@@ -81,6 +82,9 @@ Expected<std::unique_ptr<CanReader>> open_can(const VehicleSettings& settings, I
 Expected<std::unique_ptr<CanInput>> open_can_input(const VehicleSettings& settings, InputKind kind) {
   const auto dbc = load_dbc(settings.dbc.string());
   if (!dbc) return tl::unexpected(dbc.error());
+  for (const DbcDiagnostic& diagnostic : dbc->diagnostics) {
+    spdlog::warn("{}; the rest of the file is used", diagnostic.text);
+  }
   for (const SignalSettings* signal : signals_of(settings)) {
     if (!signal->valid.empty())
       return fail("'valid = \"" + signal->valid + "\"': this version does not read validity signals; remove it");
@@ -126,21 +130,19 @@ Expected<LidarInput> open_lidar(const LidarSettings& settings, InputKind kind, L
   return LidarInput{*model, std::move(*calibration), options, std::move(*source)};
 }
 
-Expected<VehicleInputs> open_vehicle(const Settings& settings, InputKind kind) {
-  VehicleInputs result;
+Expected<std::vector<std::unique_ptr<MotionInput>>> open_vehicle(const Settings& settings, InputKind kind) {
+  std::vector<std::unique_ptr<MotionInput>> inputs;
   if (settings.vehicle) {
     auto can = open_can_input(*settings.vehicle, kind);
     if (!can) return tl::unexpected(can.error());
-    result.can = can->get();
-    result.inputs.push_back(std::move(*can));
+    inputs.push_back(std::move(*can));
   }
   if (settings.imu) {
     auto imu = open_imu_input(*settings.imu, kind);
     if (!imu) return tl::unexpected(imu.error());
-    result.imu = imu->get();
-    result.inputs.push_back(std::move(*imu));
+    inputs.push_back(std::move(*imu));
   }
-  return result;
+  return inputs;
 }
 
 FrontEndSetup front_end_setup(const Settings& settings, LidarModel model) {

@@ -26,13 +26,9 @@ struct LidarInput {
 /// Opens what [lidar] names. `counters` outlives the source.
 [[nodiscard]] Expected<LidarInput> open_lidar(const LidarSettings& settings, InputKind kind, LidarCounters& counters);
 
-/// The motion inputs of [vehicle] and [imu], with what the report needs of them.
-struct VehicleInputs {
-  std::vector<std::unique_ptr<MotionInput>> inputs;
-  const CanInput* can = nullptr;    ///< borrowed from inputs; null: the car has none
-  const XsensInput* imu = nullptr;  ///< borrowed from inputs; null: the car has none
-};
-[[nodiscard]] Expected<VehicleInputs> open_vehicle(const Settings& settings, InputKind kind);
+/// The motion inputs of [vehicle] and [imu]. Lines of the DBC file that cannot be read are logged, the rest is used.
+[[nodiscard]] Expected<std::vector<std::unique_ptr<MotionInput>>> open_vehicle(const Settings& settings,
+                                                                               InputKind kind);
 
 [[nodiscard]] FrontEndSetup front_end_setup(const Settings& settings, LidarModel model);
 

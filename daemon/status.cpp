@@ -46,6 +46,29 @@ wire::Stage Daemon::vehicle_status() const {
   wire::Stage stage{.name = "vehicle", .state = "receiving", .counters = {}, .gauges = {}, .timings = {}};
   if (vehicle_->sample_count().value() == 0) stage.state = "silent";
   stage.counters = {{"samples", vehicle_->sample_count().value()}, {"ring_full", vehicle_->refused_count().value()}};
+  const VehicleCounts& counts = vehicle_counts_;
+  if (settings_.vehicle) {
+    for (const wire::Counter& counter : {wire::Counter{"can_frames", counts.can.frame_count},
+                                         {"can_bad_lines", counts.can.bad_line_count},
+                                         {"can_kernel_drops", counts.can.kernel_drop_count},
+                                         {"can_wrong_size", counts.can.wrong_size_count},
+                                         {"can_error_frames", counts.can.error_frame_count},
+                                         {"can_bus_off", counts.can.bus_off_count},
+                                         {"can_interface_down", counts.can.interface_down_count},
+                                         {"can_interface_lost", counts.can.interface_lost_count},
+                                         {"can_short_frames", counts.motion.short_frame_count},
+                                         {"can_invalid_values", counts.motion.invalid_value_count}}) {
+      stage.counters.push_back(counter);
+    }
+  }
+  if (settings_.imu) {
+    for (const wire::Counter& counter : {wire::Counter{"imu_bytes", counts.imu.byte_count},
+                                         {"imu_bad_lines", counts.imu.bad_line_count},
+                                         {"imu_device_lost", counts.imu.device_lost_count},
+                                         {"imu_bad_checksums", counts.xsens.bad_checksum_count}}) {
+      stage.counters.push_back(counter);
+    }
+  }
   return stage;
 }
 

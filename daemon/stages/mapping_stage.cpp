@@ -6,6 +6,8 @@ namespace roadvec {
 namespace {
 
 constexpr std::chrono::milliseconds kMotionPatience{60};  // CAN's slowest wheel speeds come every 50 ms
+// Live, CAN and IMU are read in turns of 4 ms: one may be that much ahead of the other.
+constexpr std::int64_t kArrivalSlack_ns = 8'000'000;
 constexpr std::size_t kPendingSamples = 8192;
 
 }  // namespace
@@ -61,9 +63,11 @@ void MappingStage::drain_motion() noexcept {
 }
 
 bool MappingStage::motion_is_there(const Sweep& sweep) noexcept {
-  if (!pending_.empty() && pending_.back().time > sweep.end) return true;
+  const bool recorded = sweeps_.when_full() == WhenFull::wait;
+  const std::int64_t slack_ns = recorded ? 0 : kArrivalSlack_ns;
+  if (!pending_.empty() && pending_.back().time > sweep.end + slack_ns) return true;
   if (motion_.finished() || pending_.size() == pending_.capacity()) return true;
-  if (sweeps_.when_full() == WhenFull::wait) return false;
+  if (recorded) return false;
   if (waiting_for_ != &sweep) {
     waiting_for_ = &sweep;
     waiting_since_ = Clock::now();

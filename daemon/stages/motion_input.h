@@ -13,6 +13,14 @@
 
 namespace roadvec {
 
+/// What the vehicle thread's readers and decoders have counted.
+struct VehicleCounts {
+  CanCounters can;
+  MotionCounters motion;
+  ImuCounters imu;
+  XsensCounters xsens;
+};
+
 /// One source of motion samples: a bus or an IMU, live or recorded.
 class MotionInput {
  public:
@@ -22,6 +30,8 @@ class MotionInput {
   [[nodiscard]] virtual const MotionSample* front(std::chrono::milliseconds timeout) noexcept = 0;
   virtual void take() noexcept = 0;
   [[nodiscard]] virtual bool over() const noexcept = 0;
+  /// Fills in its own part.
+  virtual void count(VehicleCounts& counts) const noexcept = 0;
 };
 
 class CanInput final : public MotionInput {
@@ -31,8 +41,10 @@ class CanInput final : public MotionInput {
   const MotionSample* front(std::chrono::milliseconds timeout) noexcept override;
   void take() noexcept override { samples_ = samples_.subspan(1); }
   [[nodiscard]] bool over() const noexcept override { return over_ && samples_.empty(); }
-  [[nodiscard]] const CanCounters& counters() const { return reader_->counters(); }
-  [[nodiscard]] const MotionCounters& motion_counters() const { return decoder_.counters(); }
+  void count(VehicleCounts& counts) const noexcept override {
+    counts.can = reader_->counters();
+    counts.motion = decoder_.counters();
+  }
 
  private:
   std::unique_ptr<CanReader> reader_;
@@ -49,8 +61,10 @@ class XsensInput final : public MotionInput {
   const MotionSample* front(std::chrono::milliseconds timeout) noexcept override;
   void take() noexcept override { has_sample_ = false; }
   [[nodiscard]] bool over() const noexcept override { return over_ && !has_sample_; }
-  [[nodiscard]] const ImuCounters& counters() const { return reader_->counters(); }
-  [[nodiscard]] const XsensCounters& device_counters() const { return decoder_.counters(); }
+  void count(VehicleCounts& counts) const noexcept override {
+    counts.imu = reader_->counters();
+    counts.xsens = decoder_.counters();
+  }
 
  private:
   std::unique_ptr<ImuReader> reader_;

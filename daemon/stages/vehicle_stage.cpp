@@ -6,7 +6,8 @@ namespace {
 // Long enough not to spin, short enough that a CAN frame waits no longer for the IMU than its own period.
 constexpr std::chrono::milliseconds kTurn{4};
 constexpr std::chrono::milliseconds kAtOnce{0};
-constexpr int kMostPerTurn = 64;  // then the other input has its turn
+constexpr std::uint64_t kTurnsPerReport = 32;  // a few times a second
+constexpr int kMostPerTurn = 64;               // then the other input has its turn
 
 }  // namespace
 
@@ -15,12 +16,13 @@ VehicleStage::VehicleStage(std::vector<std::unique_ptr<MotionInput>> inputs, Mot
 
 void VehicleStage::run(const std::stop_token& stop) noexcept {
   motion_.when_full() == WhenFull::wait ? merge(stop) : follow(stop);
+  publish_counts();
   motion_.close();
 }
 
 void VehicleStage::merge(const std::stop_token& stop) noexcept {
   while (!stop.stop_requested()) {
-    turns_.add();
+    count_turn();
     MotionInput* earliest = nullptr;
     for (const auto& input : inputs_) {
       const MotionSample* sample = input->front(kAtOnce);
@@ -35,7 +37,7 @@ void VehicleStage::merge(const std::stop_token& stop) noexcept {
 
 void VehicleStage::follow(const std::stop_token& stop) noexcept {
   while (!stop.stop_requested()) {
-    turns_.add();
+    count_turn();
     bool all_over = true;
     for (const auto& input : inputs_) {
       for (int i = 0; i < kMostPerTurn; ++i) {
@@ -48,6 +50,17 @@ void VehicleStage::follow(const std::stop_token& stop) noexcept {
     }
     if (all_over) return;
   }
+}
+
+void VehicleStage::count_turn() noexcept {
+  turns_.add();
+  if (turns_.value() % kTurnsPerReport == 0) publish_counts();
+}
+
+void VehicleStage::publish_counts() noexcept {
+  VehicleCounts counts;
+  for (const auto& input : inputs_) input->count(counts);
+  counts_.store(counts);
 }
 
 void VehicleStage::hand_over(const MotionSample& sample, const std::stop_token& stop) noexcept {

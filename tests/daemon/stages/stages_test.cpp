@@ -83,6 +83,9 @@ class SteadyMotion final : public MotionInput {
     prepare();
   }
   [[nodiscard]] bool over() const noexcept override { return left_ == 0; }
+  void count(VehicleCounts& counts) const noexcept override {
+    counts.can.frame_count = static_cast<std::uint64_t>(number_);
+  }
 
  private:
   void prepare() noexcept {
@@ -146,6 +149,7 @@ TEST(Stages, turn_packets_and_motion_into_a_map_with_nothing_lost) {
   EXPECT_EQ(stages.counters.ring_full.value(), 0U);
   EXPECT_EQ(stages.counters.device_time_gaps.value(), 0U);
   EXPECT_EQ(stages.vehicle.sample_count().value(), static_cast<std::uint64_t>(kSamples));
+  EXPECT_EQ(stages.vehicle.counts().load().can.frame_count, static_cast<std::uint64_t>(kSamples));
   EXPECT_EQ(stages.mapping.sweep_count().value(), stages.lidar.sweeps_published().value());
   EXPECT_GE(stages.mapping.sweep_count().value(), 39U);
   EXPECT_GE(stages.optimiser.keyframe_count().value(), 8U);
