@@ -34,7 +34,7 @@ struct MapChange {
   std::vector<Lineage> lineage;
   bool closed_loop = false;  ///< T_map_odom jumped: announce it before the lines move
   Pose2 T_map_odom;
-  SensorTime time;           ///< of the keyframe
+  SensorTime time;  ///< of the keyframe
   [[nodiscard]] bool empty() const { return upserted.empty() && removed.empty(); }
 };
 

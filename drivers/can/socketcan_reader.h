@@ -11,9 +11,9 @@
 #include <string>
 #include <vector>
 
-#include "drivers/recording/backoff.h"
 #include "core/base/error.h"
 #include "drivers/can/can_reader.h"
+#include "drivers/recording/backoff.h"
 
 namespace roadvec {
 

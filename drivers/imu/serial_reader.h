@@ -5,9 +5,9 @@
 #include <memory>
 #include <string>
 
-#include "drivers/recording/backoff.h"
 #include "core/base/error.h"
 #include "drivers/imu/imu_reader.h"
+#include "drivers/recording/backoff.h"
 
 namespace roadvec {
 
