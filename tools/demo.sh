@@ -13,7 +13,7 @@ echo "== packages"
 tools/packages.sh demo
 echo "== build (a few minutes the first time)"
 cmake --preset release >/dev/null
-cmake --build --preset release
+cmake --build --preset release --target programs
 
 map_drive() { # DRIVE OUT
   "$bin/roadvecd" --drive "$1" --out "$2"
