@@ -1,1 +1,1 @@
-roadvec_test(tools_simulate tests/tools/simulate LINKS tools_simulate_lib drivers_can drivers_imu)
+roadvec_test(tools_simulate tests/tools/simulate LINKS tools_simulate_lib drivers_can drivers_imu nlohmann_json::nlohmann_json)

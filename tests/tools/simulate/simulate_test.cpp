@@ -1,7 +1,7 @@
 #include "tools/simulate/simulate.h"
 
 #include <GeographicLib/LocalCartesian.hpp>
-#include <regex>
+#include <nlohmann/json.hpp>
 
 #include "tests/tools/simulate/made_drive.h"
 
@@ -84,15 +84,14 @@ TEST(Simulate, true_kerbs_and_walls_lie_at_their_distance_from_the_lane) {
   const GeographicLib::LocalCartesian map(scene.anchor.latitude_deg, scene.anchor.longitude_deg, scene.anchor.height_m);
   const std::string text = bytes_of(folder / "a/truth/boundaries.geojson");
   int curb_count = 0, barrier_count = 0;
-  const std::regex line(R"re("kind":"(\w+)","height_m":([\d.]+),"seen":\w+\},.*"coordinates":\[(.*)\]\}\})re");
-  const std::regex position(R"(\[([-\d.]+),([-\d.]+)\])");
-  for (std::sregex_iterator found(text.begin(), text.end(), line), end; found != end; ++found) {
-    const bool curb = (*found)[1] == "curb";
-    EXPECT_NEAR(std::stod((*found)[2]), curb ? kKerbHeight_m : kWallHeight_m, 1e-9);
-    const std::string positions = (*found)[3];
-    for (std::sregex_iterator point(positions.begin(), positions.end(), position); point != end; ++point) {
+  const nlohmann::json boundaries = nlohmann::json::parse(text);
+  for (const nlohmann::json& feature : boundaries.at("features")) {
+    const bool curb = feature.at("properties").at("kind") == "curb";
+    EXPECT_NEAR(feature.at("properties").at("height_m").get<double>(), curb ? kKerbHeight_m : kWallHeight_m, 1e-9);
+    for (const nlohmann::json& position : feature.at("geometry").at("coordinates")) {
       double east_m = 0, north_m = 0, up_m = 0;
-      map.Forward(std::stod((*point)[2]), std::stod((*point)[1]), scene.anchor.height_m, east_m, north_m, up_m);
+      map.Forward(position.at(1).get<double>(), position.at(0).get<double>(), scene.anchor.height_m, east_m, north_m,
+                  up_m);
       const double scene_y_m = north_m + scene.car.lane_m, scene_x_m = east_m + scene.car.start_m;
       if (scene_x_m < 0.01 || scene_x_m > 199.99) continue;  // the ends of the world
       EXPECT_NEAR(std::abs(scene_y_m), curb ? kKerb_m : kWall_m, 0.001);
