@@ -16,6 +16,7 @@ LocalGrid::LocalGrid(const FuseConfig& config, const WindowConfig& window, FreeS
       log_odds_(static_cast<std::size_t>(size_ * size_), 0.0F),
       cells_(log_odds_.size()),
       occupied_bits_(log_odds_.size() / 64, 0),
+      free_bits_(occupied_bits_.size(), 0),
       hit_slots_(window_.cell_count(), 0),
       occupied_(window) {}
 
@@ -25,12 +26,12 @@ std::size_t LocalGrid::place_of(std::int64_t ix, std::int64_t iy) const noexcept
 
 void LocalGrid::set_log_odds(std::size_t place, float log_odds) noexcept {
   log_odds_[place] = log_odds;
-  const std::uint64_t bit = std::uint64_t{1} << (place % 64);
-  if (log_odds >= static_cast<float>(config_.occupied_log_odds)) {
-    occupied_bits_[place / 64] |= bit;
-  } else {
-    occupied_bits_[place / 64] &= ~bit;
-  }
+  const auto set = [place](std::vector<std::uint64_t>& bits, bool value) {
+    const std::uint64_t bit = std::uint64_t{1} << (place % 64);
+    bits[place / 64] = value ? bits[place / 64] | bit : bits[place / 64] & ~bit;
+  };
+  set(occupied_bits_, log_odds >= static_cast<float>(config_.occupied_log_odds));
+  set(free_bits_, log_odds <= -static_cast<float>(config_.limit_log_odds));
 }
 
 void LocalGrid::clear_row(std::int64_t iy) noexcept {
@@ -86,6 +87,7 @@ void LocalGrid::hit(const BoundaryCell& cell, const Pose2& correction) noexcept 
 }
 
 void LocalGrid::miss(std::size_t place) noexcept {
+  if ((free_bits_[place / 64] >> (place % 64) & 1) != 0) return;  // most: known to be free
   Cell& cell = cells_[place];
   if (cell.touched == sweep_) return;
   cell.touched = sweep_;
@@ -110,7 +112,7 @@ void LocalGrid::fuse(const VirtualScan& scan, const VirtualScanner& scanner, std
   for (std::size_t k = 0; k < scan.rays.size(); ++k) {
     walk_ray(window, scan.origin_window_m.x(), scan.origin_window_m.y(), scanner.direction(k).x(),
              scanner.direction(k).y(), [&](int index, int column, int row) {
-               if (scan.cells->slot(index) >= 0) return false;
+               if (scan.cells->has(index)) return false;
                if (free_space_ == FreeSpace::where_seen && seen[static_cast<std::size_t>(index)] == 0) return true;
                miss(place_of(window.first_ix() + column, window.first_iy() + row));
                return true;

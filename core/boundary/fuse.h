@@ -74,6 +74,7 @@ class LocalGrid {
   std::vector<float> log_odds_;
   std::vector<Cell> cells_;
   std::vector<std::uint64_t> occupied_bits_;  // one per place: log-odds at or above occupied_log_odds
+  std::vector<std::uint64_t> free_bits_;      // log-odds at their lower limit: another miss changes nothing
   std::vector<std::uint32_t> hit_slots_;      // per slot of the scan: last sweep in which it was hit
   CellMap occupied_;
 };

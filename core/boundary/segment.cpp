@@ -4,17 +4,52 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
+
+#include "core/base/float4.h"
 
 namespace roadvec {
 namespace {
 
-constexpr float kNothing_m = std::numeric_limits<float>::max();
 constexpr std::size_t kSlices = 128;             // of a sweep: 0.8 ms each, 1 cm of driving at 13 m/s
 constexpr float kLowest_m = -5, kHighest_m = 8;  // heights that a street can have within the window
+constexpr std::int32_t kLowest_mm = -5000;
+constexpr float kOutside_m = 1e6;                 // stands for no return
+constexpr float kLidarOnBody_m = 2;               // the LiDAR is mounted within this of the rear axle or bodywork
+constexpr std::int16_t kHighestReal_mm = 10'000;  // a height, with the rise that a slope explains
+constexpr std::int16_t kNoLowest_mm = 16'000, kNoHighest_mm = -16'000;  // a sum of two fits 16 bits
 
-/// p_window = rows * (p_lidar, 1) for one instant of the sweep; z is the height above the vehicle's ground plane.
-using SliceTransform = Eigen::Matrix<float, 3, 4>;
+constexpr float m_from_mm(float mm) { return 0.001F * mm; }
+std::int16_t mm_from_m(double m) { return static_cast<std::int16_t>(std::lround(1000 * m)); }
+
+using Row = std::int16_t __attribute__((vector_size(16)));  // eight neighbours in a row of cells
+Row lower(Row a, Row b) { return a < b ? a : b; }
+Row higher(Row a, Row b) { return a < b ? b : a; }
+
+/// For each of eight columns its `count` lowest values, in order.
+struct LowestRows {
+  static constexpr std::size_t kMost = 10;
+  std::array<Row, kMost> rows;
+  std::size_t count;
+
+  explicit LowestRows(std::size_t wanted) : count(wanted) { rows.fill(Row{} + kNoLowest_mm); }
+  void add(Row value) {
+    for (std::size_t k = 0; k < count; ++k) {
+      const Row held = rows[k];
+      rows[k] = lower(held, value);
+      value = higher(held, value);
+    }
+  }
+  /// Column 0 takes in the others.
+  void fold() {
+    const std::array<Row, kMost> held = rows;
+    for (std::size_t k = 0; k < count; ++k) add(__builtin_shufflevector(held[k], held[k], 4, 5, 6, 7, 4, 5, 6, 7));
+    const std::array<Row, kMost> half = rows;
+    for (std::size_t k = 0; k < count; ++k) add(__builtin_shufflevector(half[k], half[k], 2, 3, 2, 3, 2, 3, 2, 3));
+    const std::array<Row, kMost> quarter = rows;
+    for (std::size_t k = 0; k < count; ++k)
+      add(__builtin_shufflevector(quarter[k], quarter[k], 1, 1, 1, 1, 1, 1, 1, 1));
+  }
+};
 
 }  // namespace
 
@@ -30,42 +65,51 @@ Segmenter::Segmenter(const SegmentConfig& config, const WindowConfig& window, co
     : config_(config),
       window_(window),
       mounting_(mounting),
-      cells_(window_.cell_count(), kEmptyCell),
+      T_vehicle_lidar_{mounting.rotation.cast<float>(), mounting.translation_m.cast<float>()},
       stride_(static_cast<std::size_t>(window_.size() + 2 * kReach)),
-      spans_(stride_ * stride_, kNoReturns),
+      lowest_mm_(stride_ * stride_ + sizeof(Row) / 2, kNoLowest_mm),  // a row of neighbours is read as eight
+      highest_mm_(lowest_mm_.size(), kNoHighest_mm),
       coarse_size_((window_.size() + kCoarseCells - 1) / kCoarseCells),
+      coarse_lowest_mm_(static_cast<std::size_t>(coarse_size_ * coarse_size_), kNoLowest_mm),
+      street_mm_(coarse_lowest_mm_.size()),
+      obstacle_of_(window_.cell_count(), 0),
+      obstacle_bits_(window_.cell_count() / 64 + 1, 0),
       result_(window) {
   points_.reserve(max_returns);
   touched_.reserve(window_.cell_count());
-  tallies_.reserve(window_.cell_count() / 4);
-  coarse_lowest_m_.resize(static_cast<std::size_t>(coarse_size_ * coarse_size_));
-  street_m_.resize(coarse_lowest_m_.size());
+  obstacles_.reserve(window_.cell_count() / 4);
 }
 
 const Segmentation& Segmenter::run(const Sweep& sweep, const Path& path_odom) noexcept {
-  for (const std::int32_t i : touched_) {
-    cells_[static_cast<std::size_t>(i)] = kEmptyCell;
-    spans_[corner(i % window_.size() + kReach, i / window_.size() + kReach)] = kNoReturns;
-    result_.seen[static_cast<std::size_t>(i)] = 0;
-  }
-  touched_.clear();
-  tallies_.clear();
-  points_.clear();
-  std::fill(coarse_lowest_m_.begin(), coarse_lowest_m_.end(), kNothing_m);
+  forget_last_sweep();
   window_.centre_on(path_odom.empty() ? Eigen::Vector2d::Zero() : path_odom.end().T_odom_vehicle.translation());
   result_.boundary.restart(window_);
   result_.structure.restart(window_);
 
   place(sweep, path_odom);
-  find_road();
+  find_streets();
+  find_obstacles();
   tally_obstacles();
   report();
   return result_;
 }
 
+void Segmenter::forget_last_sweep() noexcept {
+  for (const Place at : touched_) {
+    lowest_mm_[with_rim(at.column, at.row)] = kNoLowest_mm;
+    highest_mm_[with_rim(at.column, at.row)] = kNoHighest_mm;
+    result_.seen[static_cast<std::size_t>(window_.index(at.column, at.row))] = 0;
+  }
+  for (const Obstacle& obstacle : obstacles_) obstacle_bits_[static_cast<std::size_t>(obstacle.cell) / 64] = 0;
+  std::fill(coarse_lowest_mm_.begin(), coarse_lowest_mm_.end(), kNoLowest_mm);
+  touched_.clear();
+  obstacles_.clear();
+  points_.clear();
+}
+
 void Segmenter::place(const Sweep& sweep, const Path& path_odom) noexcept {
   const std::int64_t span_ns = std::max<std::int64_t>(sweep.end - sweep.start, 1);
-  std::array<SliceTransform, kSlices> transforms;
+  std::array<Transform, kSlices> transforms;
   const Eigen::Vector2d origin = window_.origin_odom();
   for (std::size_t k = 0; k < kSlices; ++k) {
     const auto middle_ns =
@@ -75,132 +119,149 @@ void Segmenter::place(const Sweep& sweep, const Path& path_odom) noexcept {
     turn.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(pose.theta_rad).toRotationMatrix();
     Eigen::Vector3d shift = turn * mounting_.translation_m;
     shift.head<2>() += pose.translation() - origin;
-    transforms[k].leftCols<3>() = (turn * mounting_.rotation).cast<float>();
-    transforms[k].col(3) = shift.cast<float>();
+    transforms[k] = {(turn * mounting_.rotation).cast<float>(), shift.cast<float>()};
   }
-  const auto cells_per_m = static_cast<float>(1.0 / window_.cell_m());
-  const int size = window_.size();
-  const Eigen::Matrix3f to_vehicle = mounting_.rotation.cast<float>();
-  const Eigen::Vector3f shift_vehicle = mounting_.translation_m.cast<float>();
-  const auto ahead = static_cast<float>(config_.body_ahead_m), behind = static_cast<float>(-config_.body_behind_m),
-             side = static_cast<float>(config_.body_side_m);
-  const float body_reach2_m2 = (ahead + 2) * (ahead + 2);
   const float slice_per_ns = static_cast<float>(kSlices) / static_cast<float>(span_ns);
-  for (const Return& echo : sweep.returns) {
-    if (points_.size() == points_.capacity()) break;
-    const Eigen::Vector3f p_lidar(echo.x_m, echo.y_m, echo.z_m);
-    if (p_lidar.head<2>().squaredNorm() < body_reach2_m2) {
-      const Eigen::Vector3f p = to_vehicle * p_lidar + shift_vehicle;
-      if (p.x() < ahead && p.x() > behind && std::abs(p.y()) < side) continue;
+  const std::size_t count = std::min(sweep.returns.size(), points_.capacity());
+  // Four returns are microseconds apart: they share the first one's slice.
+  for (std::size_t i = 0; i < count; i += 4) {
+    const Return* echoes = &sweep.returns[i];
+    const auto slice =
+        std::min(static_cast<std::size_t>(static_cast<float>(echoes->time_ns) * slice_per_ns), kSlices - 1);
+    if (i + 4 <= count) {
+      place_four(echoes, transforms[slice]);
+    } else {
+      std::array<Return, 4> rest;
+      rest.fill({.x_m = kOutside_m});
+      std::copy(echoes, sweep.returns.data() + count, rest.begin());
+      place_four(rest.data(), transforms[slice]);
     }
-    const auto slice = std::min(static_cast<std::size_t>(static_cast<float>(echo.time_ns) * slice_per_ns), kSlices - 1);
-    const SliceTransform& T = transforms[slice];
-    const Eigen::Vector3f p = T.leftCols<3>() * p_lidar + T.col(3);
-    const float column = p.x() * cells_per_m, row = p.y() * cells_per_m;
-    if (!(column >= 0 && row >= 0 && column < static_cast<float>(size) && row < static_cast<float>(size))) continue;
-    if (!(p.z() > kLowest_m && p.z() < kHighest_m)) continue;
-    const int c = static_cast<int>(column), r = static_cast<int>(row);
-    const int index = window_.index(c, r);
-    Span& span = spans_[corner(c + kReach, r + kReach)];
-    if (span.lowest_m == kNothing_m) touched_.push_back(index);
-    span.lowest_m = std::min(span.lowest_m, p.z());
-    span.highest_m = std::max(span.highest_m, p.z());
-    points_.push_back({p.x(), p.y(), p.z(), index});
   }
   result_.return_count = points_.size();
 }
 
-float Segmenter::lowest_nearby(int column, int row) const noexcept {
-  float lowest = kNothing_m;
-  for (int dr = 0; dr <= 2 * kReach; ++dr) {
-    const Span* spans = &spans_[corner(column, row + dr)];
-    for (int dc = 0; dc <= 2 * kReach; ++dc) lowest = std::min(lowest, spans[dc].lowest_m);
+void Segmenter::place_four(const Return* echoes, const Transform& T_window_lidar) noexcept {
+  const Points4 p = transpose(load<Float4>(&echoes[0].x_m), load<Float4>(&echoes[1].x_m), load<Float4>(&echoes[2].x_m),
+                              load<Float4>(&echoes[3].x_m));
+  const auto moved = [&p](const Transform& T, int row) {
+    return T.rotation(row, 0) * p.x + T.rotation(row, 1) * p.y + T.rotation(row, 2) * p.z + T.shift_m[row];
+  };
+  const Float4 ahead = moved(T_vehicle_lidar_, 0), left = moved(T_vehicle_lidar_, 1);
+  const auto side = static_cast<float>(config_.body_side_m);
+  const Int4 own_body = (ahead < static_cast<float>(config_.body_ahead_m)) &
+                        (ahead > static_cast<float>(-config_.body_behind_m)) & (left < side) & (left > -side);
+  const Float4 x = moved(T_window_lidar, 0), y = moved(T_window_lidar, 1), z = moved(T_window_lidar, 2);
+  const auto cells_per_m = static_cast<float>(1.0 / window_.cell_m()), size = static_cast<float>(window_.size());
+  const Float4 column = x * cells_per_m, row = y * cells_per_m;
+  const Int4 taken = (column >= 0.0F) & (column < size) & (row >= 0.0F) & (row < size) & (z > kLowest_m) &
+                     (z < kHighest_m) & ~own_body;
+  const Int4 columns = __builtin_convertvector(column, Int4), rows = __builtin_convertvector(row, Int4);
+  const Int4 heights_mm = __builtin_convertvector((z - kLowest_m) * 1000.0F + 0.5F, Int4) + kLowest_mm;
+  for (int k = 0; k < 4; ++k) {
+    if (taken[k] != 0) add_to_cell(x[k], y[k], z[k], heights_mm[k], columns[k], rows[k]);
   }
-  return lowest;
 }
 
-/// Mean of the lowest cells within kReach, each lifted by what the allowed slope explains over its distance.
-float Segmenter::road_height(int column, int row) const noexcept {
-  std::array<float, 10> lowest;
-  const int wanted = std::min(config_.lowest_count, static_cast<int>(lowest.size()));
-  int count = 0;
-  const auto slope_per_cell = static_cast<float>(config_.slope * window_.cell_m());
-  for (int dr = -kReach; dr <= kReach; ++dr) {
-    const Span* spans = &spans_[corner(column + kReach, row + kReach + dr)];
-    for (int dc = -kReach; dc <= kReach; ++dc) {
-      if (spans[dc].lowest_m == kNothing_m) continue;
-      float height = spans[dc].lowest_m + slope_per_cell * static_cast<float>(std::max(std::abs(dc), std::abs(dr)));
-      for (int k = 0; k < count; ++k) {
-        if (height < lowest[static_cast<std::size_t>(k)]) std::swap(height, lowest[static_cast<std::size_t>(k)]);
-      }
-      if (count < wanted) lowest[static_cast<std::size_t>(count++)] = height;
-    }
+void Segmenter::add_to_cell(float x_m, float y_m, float z_m, std::int32_t height_mm, int column, int row) noexcept {
+  const std::size_t i = with_rim(column, row);
+  const auto height = static_cast<std::int16_t>(height_mm);
+  if (lowest_mm_[i] == kNoLowest_mm) {
+    touched_.push_back({static_cast<std::int16_t>(column), static_cast<std::int16_t>(row)});
   }
-  float sum = 0;
-  for (int k = 0; k < count; ++k) sum += lowest[static_cast<std::size_t>(k)];
-  return count > 0 ? sum / static_cast<float>(count) : 0;
+  lowest_mm_[i] = std::min(lowest_mm_[i], height);
+  highest_mm_[i] = std::max(highest_mm_[i], height);
+  points_.push_back({x_m, y_m, z_m, window_.index(column, row)});
 }
 
 /// Lowest return of each coarse cell and its neighbours: the street itself, even where a cell holds only a roof or a
 /// branch.
 void Segmenter::find_streets() noexcept {
-  for (const std::int32_t index : touched_) {
-    const int column = index % window_.size(), row = index / window_.size();
-    float& coarse =
-        coarse_lowest_m_[static_cast<std::size_t>((row / kCoarseCells) * coarse_size_ + column / kCoarseCells)];
-    coarse = std::min(coarse, spans_[corner(column + kReach, row + kReach)].lowest_m);
+  for (const Place at : touched_) {
+    std::int16_t& lowest = coarse_lowest_mm_[coarse(at)];
+    lowest = std::min(lowest, lowest_mm_[with_rim(at.column, at.row)]);
   }
   for (int row = 0; row < coarse_size_; ++row) {
     for (int column = 0; column < coarse_size_; ++column) {
-      float lowest = kNothing_m;
+      std::int16_t lowest = kNoLowest_mm;
       for (int r = std::max(row - 1, 0); r <= std::min(row + 1, coarse_size_ - 1); ++r) {
         for (int c = std::max(column - 1, 0); c <= std::min(column + 1, coarse_size_ - 1); ++c) {
-          lowest = std::min(lowest, coarse_lowest_m_[static_cast<std::size_t>(r * coarse_size_ + c)]);
+          lowest = std::min(lowest, coarse_lowest_mm_[static_cast<std::size_t>(r * coarse_size_ + c)]);
         }
       }
-      street_m_[static_cast<std::size_t>(row * coarse_size_ + column)] = lowest;
+      street_mm_[static_cast<std::size_t>(row * coarse_size_ + column)] = lowest;
     }
   }
 }
 
-void Segmenter::find_road() noexcept {
-  find_streets();
-  const auto step = static_cast<float>(config_.step_m), structure = static_cast<float>(config_.structure_step_m);
-  const auto under = static_cast<float>(config_.span_m);
-  for (const std::int32_t index : touched_) {
-    const int column = index % window_.size(), row = index / window_.size();
-    Cell& cell = cells_[static_cast<std::size_t>(index)];
-    const float street_m =
-        street_m_[static_cast<std::size_t>((row / kCoarseCells) * coarse_size_ + column / kCoarseCells)];
-    cell.limit_m = street_m + under;
-    cell.structure_m = street_m + structure;
-    const Span& span = spans_[corner(column + kReach, row + kReach)];
-    result_.seen[static_cast<std::size_t>(index)] = span.lowest_m < cell.limit_m;
+std::int16_t Segmenter::lowest_nearby_mm(Place at) const noexcept {
+  Row lowest = Row{} + kNoLowest_mm;
+  for (int dr = -kReach; dr <= kReach; ++dr) {
+    lowest = lower(lowest, load<Row>(&lowest_mm_[with_rim(at.column - kReach, at.row + dr)]));
+  }
+  return std::min({lowest[0], lowest[1], lowest[2], lowest[3], lowest[4]});
+}
+
+/// Mean of the lowest cells within kReach, each lifted by what the allowed slope explains over its distance.
+float Segmenter::road_height_m(Place at) const noexcept {
+  LowestRows lowest(static_cast<std::size_t>(config_.lowest_count));
+  const std::int16_t one = mm_from_m(config_.slope * window_.cell_m());
+  const auto two = static_cast<std::int16_t>(2 * one);
+  const Row far{two, two, two, two, two, kNoLowest_mm, kNoLowest_mm, kNoLowest_mm};
+  const Row near{two, one, one, one, two, kNoLowest_mm, kNoLowest_mm, kNoLowest_mm};
+  const Row here{two, one, 0, one, two, kNoLowest_mm, kNoLowest_mm, kNoLowest_mm};
+  const std::array<Row, 2 * kReach + 1> lift{far, near, here, near, far};
+  for (int dr = -kReach; dr <= kReach; ++dr) {
+    lowest.add(load<Row>(&lowest_mm_[with_rim(at.column - kReach, at.row + dr)]) +
+               lift[static_cast<std::size_t>(dr + kReach)]);
+  }
+  lowest.fold();
+  std::int32_t sum_mm = 0;
+  int count = 0;
+  for (std::size_t k = 0; k < lowest.count && lowest.rows[k][0] < kHighestReal_mm; ++k, ++count) {
+    sum_mm += lowest.rows[k][0];
+  }
+  return count > 0 ? m_from_mm(static_cast<float>(sum_mm) / static_cast<float>(count)) : 0;
+}
+
+void Segmenter::find_obstacles() noexcept {
+  const std::int16_t step = mm_from_m(config_.step_m), structure = mm_from_m(config_.structure_step_m),
+                     under = mm_from_m(config_.span_m);
+  for (const Place at : touched_) {
+    const std::size_t i = with_rim(at.column, at.row);
+    const auto cell = static_cast<std::size_t>(window_.index(at.column, at.row));
+    const int street = street_mm_[coarse(at)];
+    result_.seen[cell] = lowest_mm_[i] < street + under;
     // The road's height is worth its cost only where something could stand above it.
-    const float least_step_m = lowest_nearby(column, row) + step;
-    if (span.highest_m <= std::min(least_step_m, cell.structure_m)) {
-      cell.step_m = cell.structure_m = kNothing_m;
-      continue;
-    }
-    cell.road_m = road_height(column, row);
-    cell.step_m = cell.road_m + step;
+    if (highest_mm_[i] <= std::min(lowest_nearby_mm(at) + step, street + structure)) continue;
+    if (obstacles_.size() == obstacles_.capacity()) break;
+    const float road_m = road_height_m(at), street_m = m_from_mm(static_cast<float>(street));
+    obstacle_of_[cell] = static_cast<std::int32_t>(obstacles_.size());
+    obstacle_bits_[cell / 64] |= std::uint64_t{1} << (cell % 64);
+    obstacles_.push_back({.cell = static_cast<std::int32_t>(cell),
+                          .road_m = road_m,
+                          .step_m = road_m + static_cast<float>(config_.step_m),
+                          .structure_m = street_m + static_cast<float>(config_.structure_step_m),
+                          .limit_m = street_m + static_cast<float>(config_.span_m),
+                          .boundary = {},
+                          .structure = {}});
   }
 }
 
 void Segmenter::tally_obstacles() noexcept {
   for (const Point& p : points_) {
-    Cell& cell = cells_[static_cast<std::size_t>(p.cell)];
-    const bool tall = p.z_m > cell.structure_m;
-    if ((p.z_m <= cell.step_m && !tall) || p.z_m >= cell.limit_m) continue;
-    if (cell.tally < 0) {
-      if (tallies_.size() == tallies_.capacity()) continue;
-      cell.tally = static_cast<std::int32_t>(tallies_.size());
-      tallies_.push_back({.cell = p.cell, .x0_m = p.x_m, .y0_m = p.y_m, .boundary = {}, .structure = {}});
+    const auto cell = static_cast<std::size_t>(p.cell);
+    if ((obstacle_bits_[cell / 64] >> (cell % 64) & 1) == 0) continue;
+    Obstacle& obstacle = obstacles_[static_cast<std::size_t>(obstacle_of_[cell])];
+    const bool tall = p.z_m > obstacle.structure_m;
+    if ((p.z_m <= obstacle.step_m && !tall) || p.z_m >= obstacle.limit_m) continue;
+    if (obstacle.boundary.count == 0) {
+      obstacle.x0_m = p.x_m;
+      obstacle.y0_m = p.y_m;
     }
-    Tally& tally = tallies_[static_cast<std::size_t>(cell.tally)];
-    tally.boundary.add(p.x_m - tally.x0_m, p.y_m - tally.y0_m);
-    if (tall) tally.structure.add(p.x_m - tally.x0_m, p.y_m - tally.y0_m);
-    tally.top_m = std::max(tally.top_m, p.z_m);
+    const float x = p.x_m - obstacle.x0_m, y = p.y_m - obstacle.y0_m;
+    obstacle.boundary.add(x, y);
+    if (tall) obstacle.structure.add(x, y);
+    obstacle.top_m = std::max(obstacle.top_m, p.z_m);
   }
 }
 
@@ -212,19 +273,20 @@ void Segmenter::Moments::add(float x, float y) noexcept {
   yy_m2 += y * y;
 }
 
-BoundaryCell Segmenter::cell_of(const Tally& tally, const Moments& moments) const noexcept {
+BoundaryCell Segmenter::cell_of(const Obstacle& obstacle, const Moments& moments) noexcept {
   const auto n = static_cast<float>(moments.count);
   const float x = moments.x_m / n, y = moments.y_m / n;
   const float variance = std::max(0.0F, 0.5F * (moments.xx_m2 / n - x * x + moments.yy_m2 / n - y * y));
-  const float road = std::min(cells_[static_cast<std::size_t>(tally.cell)].road_m, tally.top_m);
-  return {tally.x0_m + x, tally.y0_m + y, road, tally.top_m - road, std::sqrt(variance), 1.0F, moments.count};
+  const float road_m = std::min(obstacle.road_m, obstacle.top_m);
+  return {obstacle.x0_m + x, obstacle.y0_m + y, road_m, obstacle.top_m - road_m, std::sqrt(variance), 1.0F,
+          moments.count};
 }
 
 void Segmenter::report() noexcept {
   const auto enough = static_cast<std::uint32_t>(config_.return_count);
-  for (const Tally& tally : tallies_) {
-    if (tally.boundary.count >= enough) result_.boundary.add(tally.cell, cell_of(tally, tally.boundary));
-    if (tally.structure.count >= enough) result_.structure.add(tally.cell, cell_of(tally, tally.structure));
+  for (const Obstacle& obstacle : obstacles_) {
+    if (obstacle.boundary.count >= enough) result_.boundary.add(obstacle.cell, cell_of(obstacle, obstacle.boundary));
+    if (obstacle.structure.count >= enough) result_.structure.add(obstacle.cell, cell_of(obstacle, obstacle.structure));
   }
 }
 

@@ -1,9 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
 #include <cstdint>
-#include <limits>
 #include <vector>
 
 #include "core/boundary/window.h"
@@ -74,58 +72,68 @@ class Segmenter {
   const Segmentation& run(const Sweep& sweep, const Path& path_odom) noexcept;
 
  private:
+  /// p = rotation p_lidar + shift.
+  struct Transform {
+    Eigen::Matrix3f rotation;
+    Eigen::Vector3f shift_m;
+  };
   struct Point {
     float x_m, y_m, z_m;  // window coordinates, height above the vehicle's ground plane
-    std::int32_t cell;    // -1: outside
+    std::int32_t cell;
   };
-  struct Span {
-    float lowest_m, highest_m;  // of the returns in a cell
+  struct Place {
+    std::int16_t column, row;
   };
-  struct Cell {
-    float step_m, structure_m, limit_m;  // heights; step_m .. limit_m is what counts as an obstacle
-    float road_m;
-    std::int32_t tally;  // into tallies_, -1: none yet
-  };
-  static constexpr Span kNoReturns{std::numeric_limits<float>::max(), std::numeric_limits<float>::lowest()};
-  static constexpr Cell kEmptyCell{0, 0, 0, 0, -1};
   struct Moments {
     std::uint32_t count = 0;
     float x_m = 0, y_m = 0, xx_m2 = 0, yy_m2 = 0;
     void add(float x, float y) noexcept;
   };
-  struct Tally {
-    std::int32_t cell;
-    float x0_m, y0_m;  // first return: sums are kept relative to it, floats would not hold squares of whole coordinates
-    Moments boundary, structure;
+  /// A cell in which something may stand on the road, with the returns that do.
+  struct Obstacle {
+    std::int32_t cell = 0;
+    float road_m = 0;
+    float step_m = 0, structure_m = 0, limit_m = 0;  // heights: from step_m or structure_m up to limit_m is an obstacle
+    float x0_m = 0, y0_m = 0;  // first return: sums relative to it, floats would not hold squares of whole coordinates
     float top_m = -100;
+    Moments boundary, structure;
   };
   static constexpr int kReach = 2;         // cells each way: the square metre around a cell
   static constexpr int kCoarseCells = 10;  // 2 m: wide enough to hold road beside any obstacle
 
+  void forget_last_sweep() noexcept;
   void place(const Sweep& sweep, const Path& path_odom) noexcept;
-  void find_road() noexcept;
+  void place_four(const Return* echoes, const Transform& T_window_lidar) noexcept;
+  void add_to_cell(float x_m, float y_m, float z_m, std::int32_t height_mm, int column, int row) noexcept;
+  void find_streets() noexcept;
+  void find_obstacles() noexcept;
   void tally_obstacles() noexcept;
   void report() noexcept;
-  [[nodiscard]] BoundaryCell cell_of(const Tally& tally, const Moments& moments) const noexcept;
-  void find_streets() noexcept;
-  [[nodiscard]] float lowest_nearby(int column, int row) const noexcept;
-  [[nodiscard]] float road_height(int column, int row) const noexcept;
-  /// First of the kReach columns and rows around (column, row) in spans_, whose rim of kReach cells is always empty.
-  [[nodiscard]] std::size_t corner(int column, int row) const noexcept {
-    return static_cast<std::size_t>(row) * stride_ + static_cast<std::size_t>(column);
+  [[nodiscard]] static BoundaryCell cell_of(const Obstacle& obstacle, const Moments& moments) noexcept;
+  [[nodiscard]] std::int16_t lowest_nearby_mm(Place place) const noexcept;
+  [[nodiscard]] float road_height_m(Place place) const noexcept;
+  /// In lowest_mm_ and highest_mm_, whose rim of kReach cells is always empty.
+  [[nodiscard]] std::size_t with_rim(int column, int row) const noexcept {
+    return static_cast<std::size_t>(row + kReach) * stride_ + static_cast<std::size_t>(column + kReach);
+  }
+  [[nodiscard]] std::size_t coarse(Place place) const noexcept {
+    return static_cast<std::size_t>((place.row / kCoarseCells) * coarse_size_ + place.column / kCoarseCells);
   }
 
   SegmentConfig config_;
   Window window_;
   LidarMounting mounting_;
+  Transform T_vehicle_lidar_;
   std::vector<Point> points_;
-  std::vector<Cell> cells_;
-  std::size_t stride_;       // of spans_
-  std::vector<Span> spans_;  // per cell, apart from the rest: they are read most
-  std::vector<std::int32_t> touched_;
+  std::size_t stride_;
+  // Of the returns in each cell; in millimetres, so that a row of neighbours fits into one SIMD register.
+  std::vector<std::int16_t> lowest_mm_, highest_mm_;
+  std::vector<Place> touched_;  // cells with returns
   int coarse_size_;
-  std::vector<float> coarse_lowest_m_, street_m_;  // per coarse cell: lowest return in it; in it and its neighbours
-  std::vector<Tally> tallies_;
+  std::vector<std::int16_t> coarse_lowest_mm_, street_mm_;  // per coarse cell: lowest return; also of its neighbours
+  std::vector<std::int32_t> obstacle_of_;                   // per cell: into obstacles_, where the bit is set
+  std::vector<std::uint64_t> obstacle_bits_;  // per cell: something may stand in it; stays in the first-level cache
+  std::vector<Obstacle> obstacles_;
   Segmentation result_;
 };
 

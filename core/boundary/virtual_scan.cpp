@@ -24,8 +24,9 @@ const VirtualScan& VirtualScanner::run(const CellMap& cells, const Eigen::Vector
     VirtualScan::Ray ray;
     walk_ray(window, scan_.origin_window_m.x(), scan_.origin_window_m.y(), directions_[k].x(), directions_[k].y(),
              [&](int index, int, int) {
+               if (!cells.has(index)) return true;
                ray.slot = cells.slot(index);
-               return ray.slot < 0;
+               return false;
              });
     if (ray.slot >= 0) {
       const BoundaryCell& cell = cells.cells()[static_cast<std::size_t>(ray.slot)];

@@ -63,15 +63,20 @@ struct BoundaryCell {
   std::uint32_t count = 0;  ///< returns (one sweep) or sweeps (local grid)
 };
 
-/// Boundary cells of a window: a list, and for each cell of the window its place in that list, or -1.
+/// Boundary cells of a window: a list, and for each cell of the window its place in that list, or -1. Whether there is
+/// one is also kept as a bit: rays ask that of thousands of cells, and 20 kB of bits stay in the first-level cache.
 class CellMap {
  public:
-  explicit CellMap(const WindowConfig& config) : window_(config), slot_(window_.cell_count(), -1) {
+  explicit CellMap(const WindowConfig& config)
+      : window_(config), slot_(window_.cell_count(), -1), bits_(window_.cell_count() / 64 + 1, 0) {
     cells_.reserve(window_.cell_count() / 4);
     index_.reserve(window_.cell_count() / 4);
   }
   void restart(const Window& window) {
-    for (const int i : index_) slot_[static_cast<std::size_t>(i)] = -1;
+    for (const int i : index_) {
+      slot_[static_cast<std::size_t>(i)] = -1;
+      bits_[static_cast<std::size_t>(i) / 64] = 0;
+    }
     window_ = window;
     cells_.clear();
     index_.clear();
@@ -80,17 +85,22 @@ class CellMap {
   void add(int index, const BoundaryCell& cell) {
     if (cells_.size() == cells_.capacity()) return;
     slot_[static_cast<std::size_t>(index)] = static_cast<std::int32_t>(cells_.size());
+    bits_[static_cast<std::size_t>(index) / 64] |= std::uint64_t{1} << (static_cast<std::size_t>(index) % 64);
     index_.push_back(index);
     cells_.push_back(cell);
   }
   [[nodiscard]] const Window& window() const { return window_; }
   [[nodiscard]] std::int32_t slot(int index) const { return slot_[static_cast<std::size_t>(index)]; }
+  [[nodiscard]] bool has(int index) const {
+    return (bits_[static_cast<std::size_t>(index) / 64] >> (static_cast<std::size_t>(index) % 64) & 1) != 0;
+  }
   [[nodiscard]] const std::vector<BoundaryCell>& cells() const { return cells_; }
   [[nodiscard]] int index_of(std::size_t slot) const { return index_[slot]; }
 
  private:
   Window window_;
   std::vector<std::int32_t> slot_;
+  std::vector<std::uint64_t> bits_;
   std::vector<BoundaryCell> cells_;
   std::vector<int> index_;
 };

@@ -8,7 +8,7 @@
 namespace roadvec {
 
 using SweepChannel =
-    Channel<Sweep, 4>;  ///< lidar -> mapping: 0.4 s at 10 Hz; full: the newest sweep is refused, counted
+    Channel<Sweep, 8>;  ///< lidar -> mapping: 0.8 s at 10 Hz; full: the newest sweep is refused, counted
 using MotionChannel =
     Channel<MotionSample, 4096>;  ///< vehicle -> mapping: 4 s at 1 kHz; full: the newest sample is refused
 using KeyframeChannel =

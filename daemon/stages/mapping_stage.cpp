@@ -68,6 +68,7 @@ bool MappingStage::motion_is_there(const Sweep& sweep) noexcept {
   if (!pending_.empty() && pending_.back().time > sweep.end + slack_ns) return true;
   if (motion_.finished() || pending_.size() == pending_.capacity()) return true;
   if (recorded) return false;
+  if (sweeps_.size() > 1) return true;  // behind: patience would cost the newest sweeps
   if (waiting_for_ != &sweep) {
     waiting_for_ = &sweep;
     waiting_since_ = Clock::now();

@@ -5,10 +5,10 @@
 #include <optional>
 #include <vector>
 
+#include "core/base/float4.h"
 #include "core/sensor/lidar.h"
 #include "drivers/velodyne/calibration.h"
 #include "drivers/velodyne/counters.h"
-#include "drivers/velodyne/float4.h"
 #include "drivers/velodyne/model.h"
 #include "drivers/velodyne/packet.h"
 
