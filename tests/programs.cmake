@@ -1,7 +1,7 @@
 # The programs as a user meets them: started, fed, asked and stopped from outside. On one short drive, simulated anew.
 if(NOT ROADVEC_FUZZ)
   set(test_drive ${CMAKE_BINARY_DIR}/tests/street)
-  set(test_modules ${CMAKE_SOURCE_DIR}/tests/replay:${CMAKE_SOURCE_DIR}/tests/support/python)
+  set(test_modules ${CMAKE_SOURCE_DIR}/tests/support/python)
   function(roadvec_programs_test name)
     add_test(NAME programs.${name} COMMAND /usr/bin/python3 -B ${CMAKE_SOURCE_DIR}/tests/programs/${name}.py)
     # Alone: drives are played at their true rate, and loads are made on purpose.

@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 
-import drive_figures
 import programs
 from programs import DRIVE, ProgramTest, counters_of, read_json, run
 
@@ -39,13 +38,16 @@ class DriveTest(ProgramTest):
         self.assert_rfc_7946(read_json(out / "map.geojson"))
         self.assertIn("<svg", (out / "map.svg").read_text(encoding="utf-8"))
 
-    def test_the_path_lies_on_the_true_one(self):
-        out = self.map_drive("out")
-        truth = drive_figures.read_tum(DRIVE / "truth/poses.tum")
-        figures = drive_figures.trajectory_figures(drive_figures.read_tum(out / "trajectory.tum"), truth)
-        print(figures)
-        self.assertGreater(figures["way_m"], 0.9 * drive_figures.trajectory_figures(truth, truth)["way_m"])
-        self.assertLessEqual(figures["rms_m"], 0.15)
+    def test_the_path_and_the_boundaries_lie_on_the_true_ones(self):
+        figures = self.score(DRIVE, self.map_drive("out"), "--plot", self.folder / "errors.svg")
+        trajectory, boundaries = figures["trajectory"], figures["boundaries"]
+        print(trajectory, {name: value for name, value in boundaries.items() if name != "kinds"})
+        self.assertGreater(trajectory["way_m"], 30)
+        self.assertLessEqual(trajectory["aligned"]["rms_m"], 0.10)
+        self.assertLessEqual(boundaries["lateral_median_m"], 0.10)
+        self.assertGreaterEqual(boundaries["kinds"]["all"]["precision"][-1], 0.95)
+        self.assertGreaterEqual(boundaries["kinds"]["all"]["recall"][-1], 0.6)
+        self.assertIn("<svg", (self.folder / "errors.svg").read_text(encoding="utf-8"))
 
     def test_the_report_says_what_came_what_was_lost_and_how_long_it_took(self):
         report = read_json(self.map_drive("out") / "report.json")

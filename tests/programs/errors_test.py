@@ -18,6 +18,13 @@ class DriveErrors(ProgramTest):
         (drive / name).unlink()
         (drive / name).write_text(text, encoding="utf-8")
 
+    def test_a_score_without_a_map_or_without_truth(self):
+        self.assert_refused(run("roadvec-score", DRIVE, self.folder / "none"), FAILURE, "none/map.geojson", "roadvecd --drive")
+        drive = self.copy_of_drive()
+        (drive / "truth").unlink()
+        self.assert_refused(run("roadvec-score", drive, self.folder), FAILURE, "truth/", "--kerbs")
+        self.assertEqual(run("roadvec-score", DRIVE).returncode, USAGE)
+
     def test_a_missing_drive(self):
         self.assert_refused(self.map_drive(self.folder / "none"), CONFIG, "none/drive.toml", "cannot read")
 

@@ -2,7 +2,6 @@
 
 import tarfile
 
-import drive_figures
 import programs
 from programs import RECORDINGS, ProgramTest, counters_of, read_json, run
 
@@ -23,11 +22,10 @@ class KittiTest(ProgramTest):
         self.assertEqual(lidar["sweeps"], 153)
         for name in ("wrong_length", "wrong_flags", "kernel_drops", "device_time_gaps", "ring_full", "reordered"):
             self.assertEqual(lidar[name], 0, name)
-        figures = drive_figures.trajectory_figures(drive_figures.read_tum(self.folder / "map/trajectory.tum"),
-                                                   drive_figures.read_tum(drive / "truth/poses.tum"))
-        print(figures)
-        self.assertLessEqual(figures["rms_m"], 0.10)
-        self.assertLessEqual(figures["rpe_10m_percent"], 1.0)
+        trajectory = self.score(drive, self.folder / "map")["trajectory"]
+        print(trajectory)
+        self.assertLessEqual(trajectory["aligned"]["rms_m"], 0.05)
+        self.assertLessEqual(trajectory["rpe_percent_per_10m"], 0.5)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """What the tests of the programs share: running them, and drives and configurations made from the simulated drive.
 
 The environment says where things are: ROADVEC_BIN the programs, ROADVEC_SOURCE this repository, ROADVEC_RECORDINGS the real
-recordings, ROADVEC_TEST_DRIVE the drive that make_drive.py has made; PYTHONPATH tests/replay and tests/support/python.
+recordings, ROADVEC_TEST_DRIVE the drive that make_drive.py has made; PYTHONPATH tests/support/python.
 """
 
 import contextlib
@@ -83,6 +83,11 @@ class ProgramTest(unittest.TestCase):
         folder = tempfile.TemporaryDirectory(prefix="roadvec-")
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
+
+    def score(self, drive, map_folder, *arguments):
+        result = run("roadvec-score", drive, map_folder, "--json", *arguments)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        return json.loads(result.stdout)
 
     def copy_of_drive(self, edit=lambda tables: None):
         """The simulated drive in another folder, its drive.toml changed; the other files are links to replace."""

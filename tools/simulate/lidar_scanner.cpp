@@ -40,7 +40,7 @@ LidarScanner::LidarScanner(const Scene& scene, const LidarHead& head, const Worl
       motion_(motion),
       random_(random),
       T_vehicle_lidar_(mounting(scene.lidar)),
-      face_return_counts_(world.faces().size(), 0) {
+      faces_seen_(world.faces().size()) {
   for (const LaserCalibration& laser : head.calibration.lasers) {
     lasers_.push_back(
         {std::sin(laser.elevation_rad), std::cos(laser.elevation_rad), scene.errors.laser_bias_m * random_.normal()});
@@ -121,7 +121,7 @@ LidarScanner::Echo LidarScanner::echo_of(const Hit& hit, int laser) {
   const double bright =
       scene_.reflectivity[static_cast<std::size_t>(hit.material)] * (0.3 + 0.7 * hit.cosine) / (1 + falloff * falloff);
   ++return_count_;
-  if (hit.face >= 0) ++face_return_counts_[static_cast<std::size_t>(hit.face)];
+  if (hit.face >= 0) faces_seen_[static_cast<std::size_t>(hit.face)].add(hit.range_m);
   return {static_cast<std::uint16_t>(std::lround(raw)),
           static_cast<std::uint8_t>(std::lround(std::clamp(255 * bright, 1.0, 255.0)))};
 }

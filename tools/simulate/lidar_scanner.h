@@ -1,8 +1,10 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "drivers/velodyne/packet.h"
@@ -19,6 +21,30 @@ struct SimulatedPacket {
   SensorTime end;
 };
 
+/// From how near a face of the world was seen: returns by distance.
+class SeenFrom {
+ public:
+  static constexpr double kStep_m = 10;
+
+  void add(double range_m) {
+    std::uint16_t& count = counts_[std::min(static_cast<std::size_t>(range_m / kStep_m), counts_.size() - 1)];
+    if (count < kSeenReturns) ++count;
+  }
+  /// A multiple of kStep_m; infinity: never.
+  [[nodiscard]] double within_m() const {
+    int sum = 0;
+    for (std::size_t i = 0; i < counts_.size(); ++i) {
+      sum += counts_[i];
+      if (sum >= kSeenReturns) return static_cast<double>(i + 1) * kStep_m;
+    }
+    return std::numeric_limits<double>::infinity();
+  }
+
+ private:
+  static constexpr int kSeenReturns = 5;  ///< a single one may be noise
+  std::array<std::uint16_t, 13> counts_{};
+};
+
 /// The turning head on the moving car: casts every laser's beam from where the head is at that laser's own firing time
 /// and packs what comes back, the exact inverse of PacketDecoder's formula. Cost: one cast per laser and firing.
 class LidarScanner {
@@ -32,7 +58,7 @@ class LidarScanner {
 
   [[nodiscard]] std::uint64_t return_count() const { return return_count_; }
   /// Returns by face of the world: which of it was seen at all.
-  [[nodiscard]] const std::vector<std::uint32_t>& face_return_counts() const { return face_return_counts_; }
+  [[nodiscard]] const std::vector<SeenFrom>& faces_seen() const { return faces_seen_; }
 
  private:
   struct Laser {
@@ -59,7 +85,7 @@ class LidarScanner {
   Eigen::Isometry3d T_vehicle_lidar_;
   std::vector<Laser> lasers_;
   std::array<Eigen::Isometry3d, kLanesPerBlock> T_scene_lidar_;  ///< when each lane of the group fires
-  std::vector<std::uint32_t> face_return_counts_;
+  std::vector<SeenFrom> faces_seen_;
   std::uint64_t return_count_ = 0, packet_count_ = 0;
   std::int64_t time_ns_ = 0;  ///< of the next packet's first firing, after the drive's start
   SimulatedPacket packet_;

@@ -169,7 +169,7 @@ Expected<SimulateReport> simulate(Scene scene, const std::string& scene_name, co
       })
       .and_then([&] {
         return write_file(out / "truth/boundaries.geojson", [&](OutputFile& file) {
-          report.boundary_count = write_boundaries_geojson(scene, *built, start, scanner.face_return_counts(), file);
+          report.boundary_count = write_boundaries_geojson(scene, *built, start, scanner.faces_seen(), file);
         });
       })
       .map([&] { return report; });

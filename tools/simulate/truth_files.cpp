@@ -6,13 +6,6 @@
 #include "tools/simulate/vehicle_logs.h"
 
 namespace roadvec {
-namespace {
-
-/// Returns on a face from which on it counts as seen: a single one may be noise.
-constexpr std::uint32_t kSeenReturns = 5;
-
-}  // namespace
-
 void write_poses_tum(const Scene& scene, const CarMotion& motion, double duration_s, OutputFile& file) {
   const Pose2 start = motion.at(0).pose;
   for (std::int64_t tick = 0; static_cast<double>(tick) * 0.01 <= duration_s; ++tick) {
@@ -24,7 +17,7 @@ void write_poses_tum(const Scene& scene, const CarMotion& motion, double duratio
 }
 
 std::uint64_t write_boundaries_geojson(const Scene& scene, const BuiltWorld& built, const Pose2& start,
-                                       std::span<const std::uint32_t> face_return_counts, OutputFile& file) {
+                                       std::span<const SeenFrom> faces_seen, OutputFile& file) {
   const GeographicLib::LocalCartesian map(scene.anchor.latitude_deg, scene.anchor.longitude_deg, scene.anchor.height_m);
   const auto position = [&](const Eigen::Vector2d& point_m) {
     double latitude_deg = 0, longitude_deg = 0, height_m = 0;
@@ -34,16 +27,15 @@ std::uint64_t write_boundaries_geojson(const Scene& scene, const BuiltWorld& bui
   std::uint64_t line_count = 0;
   file.write("{\"type\":\"FeatureCollection\",\"features\":[");
   for (const TruthLine& line : built.truth) {
-    const auto seen = [&](std::int32_t face) {
-      return face_return_counts[static_cast<std::size_t>(face)] >= kSeenReturns;
-    };
+    const auto seen = [&](std::int32_t face) { return faces_seen[static_cast<std::size_t>(face)].within_m(); };
     for (std::int32_t first = line.first; first < line.last;) {
       std::int32_t last = first + 1;
       while (last < line.last && seen(last) == seen(first)) ++last;
-      file.write(print(
-          "%s\n{\"type\":\"Feature\",\"properties\":{\"kind\":\"%s\",\"height_m\":%.3f,\"seen\":%s},"
-          "\"geometry\":{\"type\":\"LineString\",\"coordinates\":[",
-          line_count++ == 0 ? "" : ",", std::string(line.kind).c_str(), line.height_m, seen(first) ? "true" : "false"));
+      file.write(
+          print("%s\n{\"type\":\"Feature\",\"properties\":{\"kind\":\"%s\",\"height_m\":%.3f,\"seen_within_m\":%s},"
+                "\"geometry\":{\"type\":\"LineString\",\"coordinates\":[",
+                line_count++ == 0 ? "" : ",", std::string(line.kind).c_str(), line.height_m,
+                std::isinf(seen(first)) ? "null" : print("%.0f", seen(first)).c_str()));
       file.write(position(built.world.faces()[static_cast<std::size_t>(first)].a_m));
       for (std::int32_t face = first; face < last; ++face) {
         file.write("," + position(built.world.faces()[static_cast<std::size_t>(face)].b_m));

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "tools/simulate/car_motion.h"
+#include "tools/simulate/lidar_scanner.h"
 #include "tools/simulate/output_file.h"
 #include "tools/simulate/world_builder.h"
 
@@ -14,8 +15,9 @@ namespace roadvec {
 void write_poses_tum(const Scene& scene, const CarMotion& motion, double duration_s, OutputFile& file);
 
 /// The world's boundaries where they meet the ground, WGS 84 with the map frame's origin at the anchor. Each line says
-/// its kind, its height and whether the LiDAR has seen it: lines are cut where that changes. Returns how many lines.
+/// its kind, its height and from how near the LiDAR has seen it: lines are cut where that changes. Returns how many
+/// lines.
 std::uint64_t write_boundaries_geojson(const Scene& scene, const BuiltWorld& built, const Pose2& start,
-                                       std::span<const std::uint32_t> face_return_counts, OutputFile& file);
+                                       std::span<const SeenFrom> faces_seen, OutputFile& file);
 
 }  // namespace roadvec
