@@ -42,6 +42,7 @@ class Daemon {
   void take_reports();
   void log_progress();
   [[nodiscard]] bool every_stage_moved();
+  [[nodiscard]] bool awaits_calibration() const;
   [[nodiscard]] wire::Stage lidar_status() const;
   [[nodiscard]] wire::Stage vehicle_status() const;
   [[nodiscard]] wire::Stage mapping_status() const;

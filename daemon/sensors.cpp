@@ -125,7 +125,8 @@ Expected<LidarInput> open_lidar(const LidarSettings& settings, InputKind kind, L
   if (!calibration) return tl::unexpected(calibration.error());
   auto source = open_packets(settings, kind, counters);
   if (!source) return tl::unexpected(source.error());
-  SweepDecoderOptions options{.decode = {}, .clock = clock_options(settings), .assemble = {}};
+  const Correction correction = settings.correction == LidarCorrection::manual ? Correction::manual : Correction::ros;
+  SweepDecoderOptions options{.decode = {.correction = correction}, .clock = clock_options(settings), .assemble = {}};
   if (settings.turn != LidarTurn::model) options.decode.maybe_follow_turn = settings.turn == LidarTurn::follow;
   return LidarInput{*model, std::move(*calibration), options, std::move(*source)};
 }

@@ -30,10 +30,16 @@ void add_timing(wire::Stage& stage, const StepTimer& timer, Step step) {
 
 }  // namespace
 
+/// The table that an HDL-64E streams is still being collected: every packet since has been put off.
+bool Daemon::awaits_calibration() const {
+  return settings_.lidar.calibration == kStreamedCalibration && !lidar_->calibrated();
+}
+
 wire::Stage Daemon::lidar_status() const {
   wire::Stage stage{
       .name = "lidar", .state = input_over_ ? "over" : "receiving", .counters = {}, .gauges = {}, .timings = {}};
   if (lidar_counters_.received.value() == 0 && !input_over_) stage.state = "no packets";
+  if (awaits_calibration() && !input_over_) stage.state = "waiting for the sensor's calibration";
   visit_counters(lidar_counters_, [&stage](const char* name, const Counter& counter) {
     stage.counters.push_back({name, counter.value()});
   });
@@ -143,6 +149,8 @@ wire::Status Daemon::status() const {
     status.not_growing_reason = lidar_counters_.wrong_length.value() + lidar_counters_.foreign_source.value() > 0
                                     ? "datagrams come, but none is a data packet of the configured sensor"
                                     : "no LiDAR packets on the port";
+  } else if (awaits_calibration()) {
+    status.not_growing_reason = "the calibration that the sensor streams is not complete yet";
   } else if (lidar_->sweeps_published().value() == 0) {
     status.not_growing_reason = "packets come, but no whole revolution yet";
   } else if (mapping_report_.front_end.sweep_count > 0 && mapping_report_.speed_source == MotionSource::none) {

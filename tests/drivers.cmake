@@ -1,10 +1,12 @@
 roadvec_test(drivers_velodyne tests/drivers/velodyne LINKS drivers_velodyne)
+target_sources(test_drivers_velodyne PRIVATE ${CMAKE_SOURCE_DIR}/tests/support/allocation_count.cpp)
 roadvec_test(drivers_can tests/drivers/can LINKS drivers_can)
 roadvec_test(drivers_imu tests/drivers/imu LINKS drivers_imu)
 
 roadvec_fuzz(velodyne_packet LINKS drivers_velodyne)
 roadvec_fuzz(pcap LINKS drivers_velodyne)
-roadvec_fuzz(db_xml LINKS drivers_velodyne)
+roadvec_fuzz(calibration LINKS drivers_velodyne)
+roadvec_fuzz(streamed_calibration LINKS drivers_velodyne)
 roadvec_fuzz(dbc LINKS drivers_can)
 roadvec_fuzz(candump LINKS drivers_can)
 roadvec_fuzz(mtdata2 LINKS drivers_imu)

@@ -6,6 +6,8 @@
 #include <cstring>
 #include <sstream>
 
+#include "drivers/velodyne/calibration.h"
+
 namespace roadvec {
 namespace {
 
@@ -88,8 +90,10 @@ class Assignment {
   void operator()(std::filesystem::path* target) const {
     std::string given;
     if (!text(value_, given)) return;
-    const auto path = given.empty() ? std::filesystem::path() : resolved(given);
-    if (field_.names == Names::input_file && !given.empty() && !readable(path)) return;
+    const bool streamed = field_.names == Names::calibration && given == kStreamedCalibration;
+    const auto path = given.empty() || streamed ? std::filesystem::path(given) : resolved(given);
+    const bool read = field_.names == Names::input_file || (field_.names == Names::calibration && !streamed);
+    if (read && !given.empty() && !readable(path)) return;
     *target = path;
   }
 

@@ -11,6 +11,7 @@ constexpr const char* kLidarModels[] = {"HDL-64E S2",  "HDL-64E S3", "HDL-32E", 
 constexpr const char* kLidarClocks[] = {"arrival", "device", "device_utc"};
 constexpr const char* kLidarStamps[] = {"first_firing", "last_firing"};
 constexpr const char* kLidarTurns[] = {"model", "follow", "as_read"};
+constexpr const char* kLidarCorrections[] = {"manual", "ros"};
 constexpr const char* kImuProtocols[] = {"xsens", "ncom", "can"};
 constexpr const char* kLogLevels[] = {"trace", "debug", "info", "warning", "error"};
 constexpr const char* kLogTargets[] = {"auto", "terminal", "journal"};
@@ -27,8 +28,9 @@ void visit_fields(LidarSettings& s, FieldList& field) {
       .one_of(kLidarModels)
       .is_required("\"HDL-32E\"");
   field("lidar.calibration", s.calibration,
-        "the sensor's db.xml; empty: the built-in angles of models that are all alike")
-      .naming(Names::input_file);
+        "the sensor's db.xml or the YAML of velodyne_pointcloud; \"streamed\": the table that an HDL-64E sends itself, "
+        "mapping begins when it is complete (1 to 3 s); empty: the built-in angles of models that are all alike")
+      .naming(Names::calibration);
   field("lidar.pcap", s.pcap, "the recorded packets")
       .naming(Names::input_file)
       .only_in_drive()
@@ -44,6 +46,9 @@ void visit_fields(LidarSettings& s, FieldList& field) {
         "clock device_utc: which firing of a packet the device's stamp belongs to");
   field("lidar.turn", s.turn, kLidarTurns,
         "each laser's azimuth follows the turning head, or is taken as read and the calibration holds the turn");
+  field("lidar.correction", s.correction, kLidarCorrections,
+        "how an HDL-64E's distances are corrected: as in its manual, or as ROS' velodyne_pointcloud does (points up to "
+        "9 cm apart)");
   field("lidar.x_m", s.x_m, -20, 20, "position of the sensor ahead of the rear axle").is_required("0.76");
   field("lidar.y_m", s.y_m, -10, 10, "position left of the centre line").is_required("0.0");
   field("lidar.z_m", s.z_m, 0, 10, "height above the road").is_required("1.73");

@@ -17,7 +17,13 @@ namespace roadvec {
 enum class ConfigContext : std::uint8_t { car, drive, overrides };
 
 /// What the value of a text key names.
-enum class Names : std::uint8_t { nothing, input_file, output_file, can_source };
+enum class Names : std::uint8_t {
+  nothing,
+  input_file,
+  calibration,  ///< an input file, or kStreamedCalibration
+  output_file,
+  can_source
+};
 
 /// An enumeration under its names in the file. `value` views an enum whose underlying type is std::uint8_t.
 struct Choice {

@@ -22,9 +22,10 @@ struct MountingAngles {
 enum class LidarClock : std::uint8_t { arrival, device, device_utc };
 enum class LidarStamp : std::uint8_t { first_firing, last_firing };
 enum class LidarTurn : std::uint8_t { model, follow, as_read };
+enum class LidarCorrection : std::uint8_t { manual, ros };
 struct LidarSettings {
   std::string model;
-  std::filesystem::path calibration;  ///< empty: built-in angles
+  std::filesystem::path calibration;  ///< empty: built-in angles; kStreamedCalibration: as the sensor sends it
   std::filesystem::path pcap;         ///< drives only
   int port = 2368;
   std::string source_address;  ///< empty: any sender
@@ -32,6 +33,7 @@ struct LidarSettings {
   LidarClock clock = LidarClock::arrival;
   LidarStamp stamp = LidarStamp::first_firing;
   LidarTurn turn = LidarTurn::model;
+  LidarCorrection correction = LidarCorrection::manual;
   double x_m = 0, y_m = 0, z_m = 0;
   MountingAngles mounting;
 };

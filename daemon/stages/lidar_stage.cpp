@@ -4,7 +4,10 @@ namespace roadvec {
 
 LidarStage::LidarStage(std::unique_ptr<PacketSource> source, LidarModel model, const Calibration& calibration,
                        const SweepDecoderOptions& options, LidarCounters& counters, SweepChannel& sweeps)
-    : source_(std::move(source)), sweeps_(sweeps), decoder_(model, calibration, options, *this, counters) {
+    : source_(std::move(source)),
+      sweeps_(sweeps),
+      decoder_(model, calibration, options, *this, counters),
+      calibrated_(!calibration.streamed) {
   sweeps_.for_each_slot([model](Sweep& sweep) { sweep.returns.reserve(max_returns_per_sweep(model)); });
 }
 
@@ -19,6 +22,7 @@ void LidarStage::run(const std::stop_token& stop) noexcept {
     const Clock::time_point begin = Clock::now();
     waited_ = {};
     for (const RawPacket& packet : batch) decoder_.add(packet);
+    calibrated_.store(decoder_.calibrated(), std::memory_order_relaxed);
     decode_time_ += Clock::now() - begin - waited_;
   }
   decoder_.finish();

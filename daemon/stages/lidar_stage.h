@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <memory>
 #include <string>
@@ -23,6 +24,8 @@ class LidarStage final : private SweepSink {
   [[nodiscard]] const StepTimer& timer() const { return timer_; }
   [[nodiscard]] const Counter& turns() const { return turns_; }
   [[nodiscard]] const Counter& sweeps_published() const { return published_; }
+  /// The calibration is there: from the start, or once the sensor has streamed it.
+  [[nodiscard]] bool calibrated() const { return calibrated_.load(std::memory_order_relaxed); }
   /// Why reading ended before the end of the recording; empty: it did not. Read it after run().
   [[nodiscard]] std::string_view error() const { return source_->error(); }
 
@@ -36,6 +39,7 @@ class LidarStage final : private SweepSink {
   SweepDecoder decoder_;
   StepTimer timer_;
   Counter turns_, published_;
+  std::atomic<bool> calibrated_;  ///< a report; orders nothing else
   std::stop_token stop_;
   std::chrono::nanoseconds decode_time_{0}, waited_{0};
 };

@@ -21,8 +21,7 @@ SweepAssembler::SweepAssembler(const AssembleOptions& options, LidarModel model,
                                LidarCounters& counters)
     : cut_cdeg_(static_cast<int>(std::lround(deg_from_rad(wrap_rad(options.cut_azimuth_rad)) * 100.0)) +
                 kFullCircle_cdeg),
-      group_period_ns_(facts_of(model).group_period_ns),
-      group_span_ns_(lane_time_ns(model, kLanesPerBlock - 1)),
+      group_span_ns_(group_span_ns(model)),
       max_groups_(max_groups_per_sweep(model)),
       sink_(sink),
       counters_(counters) {}
@@ -37,9 +36,9 @@ void SweepAssembler::add(const DecodedPacket& packet, SensorTime first_firing,
     }
   }
   bool torn = lost_before_count > 0;
-  SensorTime group_start = first_firing;
-  for (int g = 0; g < packet.group_count; ++g, group_start = group_start + group_period_ns_) {
+  for (int g = 0; g < packet.group_count; ++g) {
     const DecodedPacket::Group& group = packet.groups[static_cast<std::size_t>(g)];
+    const SensorTime group_start = first_firing + group.start_ns;
     if (!group.usable) {
       torn = true;
       continue;

@@ -48,7 +48,7 @@ class SweepAssembler {
               SensorTime group_end) noexcept;
 
   int cut_cdeg_;
-  std::uint32_t group_period_ns_, group_span_ns_, max_groups_;
+  std::uint32_t group_span_ns_, max_groups_;
   SweepSink& sink_;
   LidarCounters& counters_;
 

@@ -1,197 +1,37 @@
 #include "drivers/velodyne/calibration.h"
 
 #include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <fstream>
 #include <iterator>
-#include <pugixml.hpp>
 #include <string>
 
 #include "core/base/angle.h"
+#include "drivers/velodyne/calibration_text.h"
 
 namespace roadvec {
-namespace {
 
-constexpr std::size_t kMostLasers = 128;
-constexpr const char* kRemedy = "; use the db.xml that came with this sensor";
-
-std::string trimmed(const char* text) {
-  std::string_view view(text);
-  const auto blank = [](char c) { return c == ' ' || c == '\t' || c == '\n' || c == '\r'; };
-  while (!view.empty() && blank(view.front())) view.remove_prefix(1);
-  while (!view.empty() && blank(view.back())) view.remove_suffix(1);
-  return std::string(view);
-}
-
-/// Reads one file; the first thing wrong with it stays in `error` and every later read is void.
-class DbXmlReader {
- public:
-  DbXmlReader(pugi::xml_node db, std::string_view name) : db_(db), name_(name) {}
-
-  Expected<Calibration> run() {
-    Calibration calibration;
-    if (db_.child("distLSB_")) {
-      const double lsb_cm = number(db_, "distLSB_", "DB");
-      if (error_.empty() && !(lsb_cm > 0.0 && lsb_cm <= 1.0)) {
-        complain("<distLSB_> is " + trimmed(db_.child_value("distLSB_")) + ", not in (0, 1] centimetres");
-      }
-      calibration.distance_lsb_m = lsb_cm / 100.0;
-    }
-    read_lasers(calibration.lasers);
-    read_list("enabled_", calibration.lasers, [](LaserCalibration& laser, double v) { laser.enabled = v != 0; });
-    read_list("minIntensity_", calibration.lasers, [](LaserCalibration& laser, double v) { laser.min_intensity = v; });
-    read_list("maxIntensity_", calibration.lasers, [](LaserCalibration& laser, double v) { laser.max_intensity = v; });
-    if (!error_.empty()) return fail(error_);
-    return calibration;
-  }
-
- private:
-  void complain(const std::string& what) {
-    if (error_.empty()) error_ = std::string(name_) + ": " + what + kRemedy;
-  }
-
-  /// Newer files hold intensities as floats, so every number is read as one. [ros-drivers/velodyne #84]
-  double parse(const char* text, const std::string& where) {
-    const std::string value = trimmed(text);
-    double number = 0;
-    const auto [end, code] = std::from_chars(value.data(), value.data() + value.size(), number);
-    if (code != std::errc() || end != value.data() + value.size() || !std::isfinite(number)) {
-      complain(where + " is \"" + value.substr(0, 40) + "\", not a number");
-      return 0;
-    }
-    return number;
-  }
-  double number(pugi::xml_node parent, const char* element, const std::string& where) {
-    const pugi::xml_node node = parent.child(element);
-    if (!node) {
-      complain(where + ": element <" + element + "> is missing");
-      return 0;
-    }
-    return parse(node.child_value(), where + ": <" + element + ">");
-  }
-  double number_or_zero(pugi::xml_node parent, const char* element, const std::string& where) {
-    return parent.child(element) ? number(parent, element, where) : 0.0;
-  }
-
-  void read_lasers(std::vector<LaserCalibration>& lasers) {
-    const pugi::xml_node points = db_.child("points_");
-    if (!points) return complain("element <points_> is missing: this is not a Velodyne calibration file");
-    const auto items = points.children("item");
-    const auto count = static_cast<std::size_t>(std::distance(items.begin(), items.end()));
-    if (count == 0 || count > kMostLasers) return complain("<points_> has " + std::to_string(count) + " items");
-    check_count(points, count);
-    lasers.resize(count);
-    std::vector<bool> seen(count, false);
-    std::size_t item = 0;
-    for (const pugi::xml_node node : items) {
-      const std::string where = "<points_> item " + std::to_string(item++);
-      const double id = number(node.child("px"), "id_", where);
-      if (!error_.empty()) return;
-      if (id != std::floor(id) || id < 0 || id >= static_cast<double>(count)) {
-        return complain(where + ": <id_> is " + trimmed(node.child("px").child_value("id_")) + ", not a laser of 0.." +
-                        std::to_string(count - 1));
-      }
-      const auto laser = static_cast<std::size_t>(id);
-      if (seen[laser]) return complain(where + ": <id_> " + std::to_string(laser) + " occurs twice");
-      seen[laser] = true;
-      read_laser(node.child("px"), where, lasers[laser]);
-    }
-  }
-
-  void read_laser(pugi::xml_node px, const std::string& where, LaserCalibration& laser) {
-    laser.rotation_rad = rad_from_deg(number(px, "rotCorrection_", where));
-    laser.elevation_rad = rad_from_deg(number(px, "vertCorrection_", where));
-    laser.distance_m = number(px, "distCorrection_", where) / 100.0;
-    // The rest came with later revisions of the file; without them the effect they correct is not corrected.
-    laser.distance_x_m = number_or_zero(px, "distCorrectionX_", where) / 100.0;
-    laser.distance_y_m = number_or_zero(px, "distCorrectionY_", where) / 100.0;
-    laser.vertical_offset_m = number_or_zero(px, "vertOffsetCorrection_", where) / 100.0;
-    laser.horizontal_offset_m = number_or_zero(px, "horizOffsetCorrection_", where) / 100.0;
-    laser.focal_distance_m = number_or_zero(px, "focalDistance_", where) / 100.0;
-    laser.focal_slope = number_or_zero(px, "focalSlope_", where);
-    check_range(laser, where);
-  }
-
-  /// Bounds that no real head comes near: they keep a wrong unit or a damaged digit from bending the whole map.
-  void check_range(const LaserCalibration& laser, const std::string& where) {
-    if (std::abs(laser.elevation_rad) > kPi / 2 || std::abs(laser.rotation_rad) > kTwoPi) {
-      complain(where + ": an angle is out of range (degrees are expected)");
-    }
-    for (const double length_m : {laser.distance_m, laser.distance_x_m, laser.distance_y_m, laser.vertical_offset_m,
-                                  laser.horizontal_offset_m}) {
-      if (std::abs(length_m) > 10.0) complain(where + ": a correction exceeds 10 m (centimetres are expected)");
-    }
-    if (std::abs(laser.focal_distance_m) > 1000.0 || std::abs(laser.focal_slope) > 1000.0) {
-      complain(where + ": the focal correction is out of range");
-    }
-  }
-
-  template <class Set>
-  void read_list(const char* element, std::vector<LaserCalibration>& lasers, Set set) {
-    const pugi::xml_node list = db_.child(element);
-    if (!list || !error_.empty()) return;
-    const auto items = list.children("item");
-    const auto count = static_cast<std::size_t>(std::distance(items.begin(), items.end()));
-    check_count(list, count);
-    if (count != lasers.size()) {
-      return complain(std::string("<") + element + "> has " + std::to_string(count) + " items for " +
-                      std::to_string(lasers.size()) + " lasers");
-    }
-    std::size_t laser = 0;
-    for (const pugi::xml_node item : items) {
-      const std::string where = std::string("<") + element + "> item " + std::to_string(laser);
-      const double value = parse(item.child_value(), where);
-      if (value < 0 || value > 255) complain(where + " is not in 0..255");
-      set(lasers[laser++], value);
-    }
-  }
-
-  void check_count(pugi::xml_node list, std::size_t count) {
-    if (!list.child("count")) return;
-    const double said = number(list, "count", std::string("<") + list.name() + ">");
-    if (error_.empty() && said != static_cast<double>(count)) {
-      complain(std::string("<") + list.name() + ">: <count> says " + trimmed(list.child_value("count")) +
-               " but there are " + std::to_string(count) + " items");
-    }
-  }
-
-  pugi::xml_node db_;
-  std::string_view name_;
-  std::string error_;
-};
-
-}  // namespace
-
-Expected<Calibration> parse_db_xml(std::string_view text, std::string_view name) {
-  pugi::xml_document document;
-  const pugi::xml_parse_result result = document.load_buffer(text.data(), text.size());
-  if (!result) {
-    return fail(std::string(name) + ": not XML (" + result.description() + " at byte " + std::to_string(result.offset) +
-                ")" + kRemedy);
-  }
-  const pugi::xml_node db = document.child("boost_serialization").child("DB");
-  if (!db) return fail(std::string(name) + ": element <boost_serialization><DB> is missing" + kRemedy);
-  return DbXmlReader(db, name).run();
-}
-
-Expected<Calibration> load_db_xml(const std::filesystem::path& path) {
+Expected<Calibration> load_calibration(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
   std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
   if (!file.is_open() || file.bad()) {
     return fail(path.string() + ": cannot read the calibration file (" + std::strerror(errno) +
                 "); check `calibration`");
   }
-  return parse_db_xml(text, path.string());
+  const bool is_xml = path.extension() == ".xml" || trimmed(text).starts_with('<');
+  return is_xml ? parse_db_xml(text, path.string()) : parse_calibration_yaml(text, path.string());
 }
 
 std::optional<Calibration> built_in_calibration(LidarModel model) {
   const ModelFacts& facts = facts_of(model);
   if (facts.elevations_deg.empty()) return std::nullopt;
   Calibration calibration;
-  for (const float elevation_deg : facts.elevations_deg) {
-    calibration.lasers.push_back({.elevation_rad = rad_from_deg(static_cast<double>(elevation_deg))});
+  for (std::size_t laser = 0; laser < facts.elevations_deg.size(); ++laser) {
+    const float rotation_deg =
+        facts.rotations_deg.empty() ? 0 : facts.rotations_deg[laser % facts.rotations_deg.size()];
+    calibration.lasers.push_back({.rotation_rad = rad_from_deg(static_cast<double>(rotation_deg)),
+                                  .elevation_rad = rad_from_deg(static_cast<double>(facts.elevations_deg[laser]))});
   }
   return calibration;
 }
@@ -209,7 +49,7 @@ Expected<Calibration> fit_to_model(Calibration calibration, LidarModel model, st
   calibration.lasers.resize(laser_count);
   const double lsb_m = calibration.distance_lsb_m.value_or(facts.distance_lsb_m);
   if (std::abs(lsb_m - facts.distance_lsb_m) > 1e-6) {
-    return fail(std::string(name) + ": <distLSB_> does not fit a " + std::string(facts.name) +
+    return fail(std::string(name) + ": its distance step does not fit a " + std::string(facts.name) +
                 ", which counts distance in steps of " +
                 std::to_string(static_cast<int>(std::lround(facts.distance_lsb_m * 1000))) +
                 " mm; check `model` and `calibration`");
@@ -218,13 +58,17 @@ Expected<Calibration> fit_to_model(Calibration calibration, LidarModel model, st
 }
 
 Expected<Calibration> calibration_for(LidarModel model, const std::filesystem::path& file) {
+  if (file == kStreamedCalibration) {
+    if (facts_of(model).needs_calibration()) return Calibration{.streamed = true};
+    return fail("a " + std::string(name_of(model)) + " does not stream its calibration; leave `calibration` empty");
+  }
   if (!file.empty()) {
-    return load_db_xml(file).and_then(
+    return load_calibration(file).and_then(
         [&](Calibration loaded) { return fit_to_model(std::move(loaded), model, file.string()); });
   }
   if (std::optional<Calibration> built_in = built_in_calibration(model)) return *std::move(built_in);
   return fail("a " + std::string(name_of(model)) +
-              " needs the calibration of its own lasers; set `calibration` to its db.xml");
+              " needs the calibration of its own lasers; set `calibration` to its db.xml, or to \"streamed\"");
 }
 
 }  // namespace roadvec

@@ -23,20 +23,29 @@ struct LaserCalibration {
 };
 
 struct Calibration {
-  std::optional<double> distance_lsb_m;  ///< empty: the file does not say, the model's own value holds
-  std::vector<LaserCalibration> lasers;  ///< by laser number
+  std::optional<double> distance_lsb_m{};  ///< empty: the file does not say, the model's own value holds
+  std::vector<LaserCalibration> lasers{};  ///< by laser number
+  bool streamed = false;                   ///< comes with an HDL-64E's packets; there are no lasers yet
 };
+
+/// In place of a file's name: the table that an HDL-64E streams in its packets.
+inline constexpr const char* kStreamedCalibration = "streamed";
 
 /// Velodyne's db.xml. `name` is said in errors. Takes any bytes; the order of the file's lasers does not matter, their
 /// numbers do.
 [[nodiscard]] Expected<Calibration> parse_db_xml(std::string_view text, std::string_view name);
-[[nodiscard]] Expected<Calibration> load_db_xml(const std::filesystem::path& path);
+/// The YAML of ROS' velodyne_pointcloud, likewise.
+[[nodiscard]] Expected<Calibration> parse_calibration_yaml(std::string_view text, std::string_view name);
+/// Either: XML by the file's extension or its first character, else YAML.
+[[nodiscard]] Expected<Calibration> load_calibration(const std::filesystem::path& path);
 
-/// The angles that are the same for every HDL-32E or VLP-16. Empty for a model whose heads differ from one another.
+/// The angles that are the same for every head of a model but the HDL-64E. Empty for a model whose heads differ from
+/// one another.
 [[nodiscard]] std::optional<Calibration> built_in_calibration(LidarModel model);
 
-/// What the decoder of `model` takes: the calibration in `file`, or the built-in angles when `file` is empty.
-/// Errors: no file for a model that needs one; a file made for another model.
+/// What the decoder of `model` takes: the calibration in `file`, the built-in angles when `file` is empty, what the
+/// sensor streams when it is kStreamedCalibration. Errors: no file for a model that needs one; a file made for another
+/// model.
 [[nodiscard]] Expected<Calibration> calibration_for(LidarModel model, const std::filesystem::path& file);
 /// The same check for a calibration already in memory; unused lasers at the end are cut off. `name` is said in errors.
 [[nodiscard]] Expected<Calibration> fit_to_model(Calibration calibration, LidarModel model, std::string_view name);

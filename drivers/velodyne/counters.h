@@ -31,6 +31,8 @@ struct LidarCounterSet {
   T device_time_gaps{};  ///< packets missing by the sensor's own clock (estimate; includes kernel_drops and reordered)
   T reordered{};         ///< packets older than one already decoded, or the same again: dropped
   T ring_full{};         ///< revolutions dropped because the next stage was behind
+  T unread_mode{};   ///< packets in a return mode that is not decoded (VLS-128: triple, or with confidence): dropped
+  T uncalibrated{};  ///< packets before the table that the sensor streams was complete: dropped
   // inside a packet or a revolution
   T wrong_azimuth{};   ///< block groups whose azimuth is not below 360 degrees: dropped
   T clock_steps{};     ///< the sensor's clock jumped against the host's, or the host's clock jumped
@@ -51,6 +53,8 @@ void visit_counters(Set& counters, Visitor&& visit) {
   visit("device_time_gaps", counters.device_time_gaps);
   visit("reordered", counters.reordered);
   visit("ring_full", counters.ring_full);
+  visit("unread_mode", counters.unread_mode);
+  visit("uncalibrated", counters.uncalibrated);
   visit("wrong_azimuth", counters.wrong_azimuth);
   visit("clock_steps", counters.clock_steps);
   visit("head_stopped", counters.head_stopped);
@@ -67,6 +71,8 @@ void visit_counters(Set& counters, Visitor&& visit) {
           .device_time_gaps = counters.device_time_gaps.value(),
           .reordered = counters.reordered.value(),
           .ring_full = counters.ring_full.value(),
+          .unread_mode = counters.unread_mode.value(),
+          .uncalibrated = counters.uncalibrated.value(),
           .wrong_azimuth = counters.wrong_azimuth.value(),
           .clock_steps = counters.clock_steps.value(),
           .head_stopped = counters.head_stopped.value(),

@@ -17,7 +17,10 @@ inline constexpr std::size_t kEchoBytes = 3;  ///< distance, 2 bytes; intensity,
 inline constexpr std::size_t kDeviceTimeOffset = 1200, kReturnModeOffset = 1204, kProductIdOffset = 1205;
 inline constexpr std::array<std::uint16_t, 4> kBankFlags{0xEEFF, 0xDDFF, 0xCCFF,
                                                          0xBBFF};  ///< lasers 0.., 32.., 64.., 96..
+inline constexpr std::array<std::uint16_t, 2> kEmptyBlockFlags{0x0000,
+                                                               0xFFFF};  ///< of blocks that a packet does not need
 inline constexpr std::uint8_t kDualReturnMode = 0x39;
+inline constexpr std::uint8_t kTripleReturnMode = 0x3A, kConfidenceReturnMode = 0x3B;  ///< VLS-128 alone [VeloView]
 inline constexpr std::uint8_t kStrongestReturnMode = 0x37, kLastReturnMode = 0x38;
 inline constexpr std::uint16_t kFullCircle_cdeg = 36000;  ///< azimuth words are hundredths of a degree, clockwise
 inline constexpr std::int64_t kHour_ns = 3'600'000'000'000;

@@ -12,6 +12,16 @@ void SweepDecoder::add(const RawPacket& packet) noexcept {
   if (usable == groups_end) return;
   const PacketTiming timing = clock_.place(packet, decoder_.duration_ns(decoded_), usable->azimuth_cdeg);
   if (timing.stale) return;
+  if (has_status_) {
+    status_.add(packet.bytes[kReturnModeOffset], packet.bytes[kProductIdOffset], timing.lost_before_count);
+  }
+  if (!calibrated_) {
+    counters_.uncalibrated.add();
+    if (!status_.table().complete()) return;
+    decoder_.calibrate(status_.table().calibration());
+    calibrated_ = true;
+    return;
+  }
   assembler_.add(decoded_, timing.first_firing, timing.lost_before_count);
 }
 

@@ -5,13 +5,19 @@
 namespace roadvec {
 namespace {
 
-/// An HDL-64E recording unpacked beside the others is used; the shared archive is not unpacked here.
+/// An HDL-64E S2 recording unpacked beside the others is used; the shared archive is not unpacked here.
 std::vector<RawPacket> packets_of(LidarModel model) {
   switch (model) {
     case LidarModel::hdl32e:
       return bench_packets(model, "velodyne/hdl32e_monterey.pcap");
     case LidarModel::vlp16:
       return bench_packets(model, "velodyne/vlp16_says_hdl32e.pcap");
+    case LidarModel::hdl64e_s3:
+      return bench_packets(model, "velodyne/hdl64e_s3_dual_6_revolutions.pcap");
+    case LidarModel::vlp32c:
+      return bench_packets(model, "velodyne/vlp32c.pcap");
+    case LidarModel::vls128:
+      return bench_packets(model, "velodyne/vls128.pcap");
     default:
       return bench_packets(model, "kitti_0005/lidar.pcap");
   }
@@ -30,7 +36,7 @@ Calibration corrected(Calibration calibration) {
 }
 
 Calibration bench_calibration(LidarModel model) {
-  return model == LidarModel::hdl64e_s2 ? corrected(ideal_hdl64e()) : calibration_of(model);
+  return facts_of(model).needs_calibration() ? corrected(ideal_hdl64e()) : calibration_of(model);
 }
 
 void report(benchmark::State& state, std::size_t returns) {
@@ -79,11 +85,17 @@ void decode_and_assemble(benchmark::State& state, LidarModel model) {
 }
 
 BENCHMARK_CAPTURE(decode, HDL_64E_S2, LidarModel::hdl64e_s2);
+BENCHMARK_CAPTURE(decode, HDL_64E_S3_dual, LidarModel::hdl64e_s3);
 BENCHMARK_CAPTURE(decode, HDL_32E, LidarModel::hdl32e);
 BENCHMARK_CAPTURE(decode, VLP_16, LidarModel::vlp16);
+BENCHMARK_CAPTURE(decode, VLP_32C, LidarModel::vlp32c);
+BENCHMARK_CAPTURE(decode, VLS_128, LidarModel::vls128);
 BENCHMARK_CAPTURE(decode_and_assemble, HDL_64E_S2, LidarModel::hdl64e_s2);
+BENCHMARK_CAPTURE(decode_and_assemble, HDL_64E_S3_dual, LidarModel::hdl64e_s3);
 BENCHMARK_CAPTURE(decode_and_assemble, HDL_32E, LidarModel::hdl32e);
 BENCHMARK_CAPTURE(decode_and_assemble, VLP_16, LidarModel::vlp16);
+BENCHMARK_CAPTURE(decode_and_assemble, VLP_32C, LidarModel::vlp32c);
+BENCHMARK_CAPTURE(decode_and_assemble, VLS_128, LidarModel::vls128);
 
 }  // namespace
 }  // namespace roadvec

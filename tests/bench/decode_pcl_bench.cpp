@@ -75,11 +75,20 @@ void ours(benchmark::State& state, LidarModel model, const char* recording) {
 }
 
 constexpr const char* kHdl64 = "kitti_0005/lidar.pcap";  // absent unless unpacked: then a synthetic room
+constexpr const char* kHdl64Dual = "velodyne/hdl64e_s3_dual_6_revolutions.pcap";
 constexpr const char* kHdl32 = "velodyne/hdl32e_monterey.pcap";
+constexpr const char* kVlp16 = "velodyne/vlp16_says_hdl32e.pcap";
+constexpr const char* kVlp32c = "velodyne/vlp32c.pcap";
 BENCHMARK_CAPTURE(ours, HDL_64E_S2, LidarModel::hdl64e_s2, kHdl64);
 BENCHMARK_CAPTURE(pcl_points, HDL_64E_S2, LidarModel::hdl64e_s2, kHdl64);
+BENCHMARK_CAPTURE(ours, HDL_64E_S3_dual, LidarModel::hdl64e_s3, kHdl64Dual);
+BENCHMARK_CAPTURE(pcl_points, HDL_64E_S3_dual, LidarModel::hdl64e_s3, kHdl64Dual);
 BENCHMARK_CAPTURE(ours, HDL_32E, LidarModel::hdl32e, kHdl32);
 BENCHMARK_CAPTURE(pcl_points, HDL_32E, LidarModel::hdl32e, kHdl32);
+BENCHMARK_CAPTURE(ours, VLP_16, LidarModel::vlp16, kVlp16);
+BENCHMARK_CAPTURE(pcl_points, VLP_16, LidarModel::vlp16, kVlp16);
+BENCHMARK_CAPTURE(ours, VLP_32C, LidarModel::vlp32c, kVlp32c);
+BENCHMARK_CAPTURE(pcl_points, VLP_32C, LidarModel::vlp32c, kVlp32c);
 
 }  // namespace
 }  // namespace roadvec

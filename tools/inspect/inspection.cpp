@@ -20,6 +20,42 @@ std::int64_t delay_ns(const RawPacket& packet) {
   return (ns + kHour_ns) % kHour_ns;
 }
 
+std::string text_of(const Hdl64Status::Value& value) { return value ? std::to_string(*value) : "-"; }
+
+/// What the head says of itself; - where the recording is too short to have heard it.
+void print_status(const Hdl64Status& s, std::FILE* out) {
+  std::fprintf(out,
+               "  the head says  %s-%s-%s %s:%s:%s (year-month-day UTC), %s, %s degrees C, firmware %s, warnings %s\n",
+               text_of(s.year).c_str(), text_of(s.month).c_str(), text_of(s.day).c_str(), text_of(s.hour).c_str(),
+               text_of(s.minute).c_str(), text_of(s.second).c_str(),
+               s.gps ? s.follows_gps() ? "set by GPS" : "not set by GPS" : "GPS -", text_of(s.temperature_degc).c_str(),
+               text_of(s.firmware).c_str(), text_of(s.warnings).c_str());
+  const StreamedCalibration& table = s.table();
+  if (!table.complete()) {
+    std::fprintf(out, "  its own table  %.0f %% heard, refused %" PRIu64 " times\n", table.heard_share() * 100,
+                 table.refused_count());
+    return;
+  }
+  constexpr const char* kReturns[] = {"strongest", "last", "both"};
+  std::fprintf(out, "  its own table  complete; returns %s, power level %X\n",
+               table.returns() ? kReturns[static_cast<std::size_t>(*table.returns())] : "unknown", table.power_level());
+}
+
+void print_status_json(const Hdl64Status& s, std::FILE* out) {
+  const auto value = [](const Hdl64Status::Value& v) { return v ? std::to_string(*v) : std::string("null"); };
+  std::fprintf(out,
+               " \"status\": {\"year\": %s, \"month\": %s, \"day\": %s, \"hour\": %s, \"minute\": %s, \"second\": %s, "
+               "\"gps\": %s, \"temperature_degc\": %s, \"firmware\": %s, \"warnings\": %s, \"table_heard\": %.4f, "
+               "\"table_complete\": %s},\n",
+               value(s.year).c_str(), value(s.month).c_str(), value(s.day).c_str(), value(s.hour).c_str(),
+               value(s.minute).c_str(), value(s.second).c_str(),
+               !s.gps            ? "null"
+               : s.follows_gps() ? "true"
+                                 : "false",
+               value(s.temperature_degc).c_str(), value(s.firmware).c_str(), value(s.warnings).c_str(),
+               s.table().heard_share(), s.table().complete() ? "true" : "false");
+}
+
 const char* return_mode(const Inspection& inspection) { return inspection.survey.dual_return ? "dual" : "single"; }
 
 }  // namespace
@@ -77,6 +113,7 @@ Inspection inspect(PcapReader& reader, const std::string& path, const Survey& su
   result.position_packets = reader.position_packet_count();
   result.fragments = reader.fragment_count();
   result.other_frames = reader.other_frame_count();
+  result.status = driver.status();
   result.other_product_id = driver.decoder().other_product_id_count();
   result.sweeps = recorder.sweep_count;
   result.complete_sweeps = recorder.return_counts.size();
@@ -114,6 +151,7 @@ void print_text(const Inspection& i, std::FILE* out) {
   std::fprintf(out, "\n  points         %" PRIu64 "\n", i.returns);
   std::fprintf(out, "  clock          arrival is %.3f to %.3f ms after the sensor's stamp (modulo an hour)\n",
                static_cast<double>(i.least_delay_ns) * 1e-6, static_cast<double>(i.most_delay_ns) * 1e-6);
+  if (!facts.has_return_mode) print_status(i.status, out);
   std::fprintf(out, "  counters\n");
   visit_counters(i.counts, [&](const char* name, std::uint64_t value) {
     std::fprintf(out, "    %-17s %" PRIu64 "\n", name, value);
@@ -145,7 +183,9 @@ void print_json(const Inspection& i, std::FILE* out) {
     std::fprintf(out, "%s\"%s\": %" PRIu64, separator, name, value);
     separator = ", ";
   });
-  std::fprintf(out, "},\n \"damaged\": %s}\n", i.damage.empty() ? "false" : "true");
+  std::fputs("},\n", out);
+  if (!facts.has_return_mode) print_status_json(i.status, out);
+  std::fprintf(out, " \"damaged\": %s}\n", i.damage.empty() ? "false" : "true");
 }
 
 }  // namespace roadvec

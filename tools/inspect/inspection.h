@@ -43,6 +43,7 @@ struct Inspection {
   SensorTime first_arrived, last_arrived;
   /// Arrival minus device stamp, modulo the hour; an HDL-64E with about 288 us stamps its first firing.
   std::int64_t least_delay_ns = 0, most_delay_ns = 0;
+  Hdl64Status status;  ///< at the end; of an HDL-64E alone
   std::string damage;  ///< why the recording could not be read to its end
 
   [[nodiscard]] double duration_s() const { return seconds_between(first_arrived, last_arrived); }

@@ -143,9 +143,12 @@ int main(int argc, char** argv) {
   app.footer(kFooter);
   app.set_version_flag("--version", "roadvec-inspect " ROADVEC_VERSION);
   app.add_option("PATH", options.path, "drive or capture")->required();
-  app.add_option("--model", options.model, "\"HDL-64E S2\", \"HDL-32E\" or \"VLP-16\"; default: what the drive says");
+  app.add_option("--model", options.model,
+                 "\"HDL-64E S2\", \"HDL-64E S3\", \"HDL-32E\", \"VLP-16\", \"Puck Hi-Res\", \"VLP-32C\" or "
+                 "\"VLS-128\"; default: what the drive says");
   app.add_option("--calibration", options.calibration,
-                 "the head's db.xml; default: the drive's, or the model's own angles");
+                 "the head's db.xml or ROS YAML, or \"streamed\" for an HDL-64E's own; default: the drive's, or the "
+                 "model's angles");
   app.add_option("--points", options.points, "file for the decoded points; - is stdout")->type_name("FILE");
   app.add_flag("--json", options.json, "report as one JSON object");
   app.add_option("--port", options.port, "UDP port of the data packets; 0: any")

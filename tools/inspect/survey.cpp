@@ -9,15 +9,21 @@
 namespace roadvec {
 namespace {
 
-constexpr std::array kDecodedModels{LidarModel::hdl64e_s2, LidarModel::hdl32e, LidarModel::vlp16};
+constexpr std::array kModels{LidarModel::hdl64e_s2,   LidarModel::hdl64e_s3, LidarModel::hdl32e, LidarModel::vlp16,
+                             LidarModel::puck_hi_res, LidarModel::vlp32c,    LidarModel::vls128};
 
-bool flags_alternate(const PacketBytes& bytes) {
-  return block_flag(bytes, 1) == kBankFlags[1] && block_flag(bytes, 2) == kBankFlags[0];
+int banks_in(const PacketBytes& bytes) {
+  int bank_count = 0;
+  for (int block = 0; block < kBlocksPerPacket; ++block) {
+    const auto* const flag = std::ranges::find(kBankFlags, block_flag(bytes, block));
+    bank_count = std::max(bank_count, flag == kBankFlags.end() ? 0 : static_cast<int>(flag - kBankFlags.begin()) + 1);
+  }
+  return bank_count == 3 ? 0 : bank_count;
 }
 
-bool azimuths_pair(const PacketBytes& bytes) {
-  for (int block = 0; block < kBlocksPerPacket; block += 2) {
-    if (block_azimuth_cdeg(bytes, block) != block_azimuth_cdeg(bytes, block + 1)) return false;
+bool azimuths_pair(const PacketBytes& bytes, int bank_count) {
+  for (int block = 0; block < kBlocksPerPacket; block += 2 * bank_count) {
+    if (block_azimuth_cdeg(bytes, block) != block_azimuth_cdeg(bytes, block + bank_count)) return false;
   }
   return block_azimuth_cdeg(bytes, 0) != block_azimuth_cdeg(bytes, kBlocksPerPacket - 1);
 }
@@ -25,7 +31,8 @@ bool azimuths_pair(const PacketBytes& bytes) {
 /// Of a packet of the surveyed kind, if `model` had sent it.
 std::int64_t expected_period_us(const Survey& survey, LidarModel model) {
   const ModelFacts& facts = facts_of(model);
-  const int group_count = kBlocksPerPacket / facts.bank_count / (survey.dual_return ? 2 : 1);
+  const bool dual = survey.dual_return && facts.dual != DualLayout::none;
+  const int group_count = kBlocksPerPacket / group_layout(model, dual).block_count;
   return static_cast<std::int64_t>(group_count) * facts.group_period_ns / 1000;
 }
 
@@ -36,8 +43,11 @@ Survey survey(std::span<const RawPacket> packets) {
   result.packet_count = packets.size();
   if (packets.empty()) return result;
   const PacketBytes& first = packets.front().bytes;
-  result.banks_alternate = flags_alternate(first);
-  result.dual_return = !result.banks_alternate && first[kReturnModeOffset] == kDualReturnMode && azimuths_pair(first);
+  result.bank_count = banks_in(first);
+  const bool says_dual = first[kReturnModeOffset] == kDualReturnMode;
+  result.dual_return = result.bank_count == 4   ? says_dual
+                       : result.bank_count == 2 ? azimuths_pair(first, 2)
+                                                : result.bank_count == 1 && says_dual && azimuths_pair(first, 1);
   result.product_id = first[kProductIdOffset];
   std::vector<std::int64_t> steps_us;
   for (std::size_t i = 1; i < packets.size(); ++i) {
@@ -54,15 +64,20 @@ Survey survey(std::span<const RawPacket> packets) {
 }
 
 std::optional<LidarModel> likely_model(const Survey& survey) {
-  for (const LidarModel model : kDecodedModels) {
-    if (misfit(survey, model).empty()) return model;
+  // Heads that fit alike (VLP-16 and Puck Hi-Res, HDL-32E and VLP-32C in part) are told apart by what they claim.
+  std::optional<LidarModel> maybe_likely;
+  for (const LidarModel model : kModels) {
+    if (!misfit(survey, model).empty()) continue;
+    const std::uint8_t id = facts_of(model).product_id;
+    if (id != 0 && id == survey.product_id) return model;
+    if (!maybe_likely) maybe_likely = model;
   }
-  return std::nullopt;
+  return maybe_likely;
 }
 
 std::string claimed_model(const Survey& survey) {
-  if (survey.banks_alternate) return "nothing (an HDL-64E sends status there)";
-  for (const LidarModel model : kDecodedModels) {
+  if (survey.bank_count == 2) return "nothing (an HDL-64E sends status there)";
+  for (const LidarModel model : kModels) {
     if (facts_of(model).product_id == survey.product_id) return std::string(name_of(model));
   }
   std::array<char, 32> text{};
@@ -72,10 +87,10 @@ std::string claimed_model(const Survey& survey) {
 
 std::string misfit(const Survey& survey, LidarModel model) {
   const std::string name(name_of(model));
-  const bool needs_two_banks = facts_of(model).bank_count == 2;
-  if (survey.banks_alternate != needs_two_banks) {
-    return survey.banks_alternate ? "the packets have the two laser banks of an HDL-64E, a " + name + " has one"
-                                  : "the packets have one laser bank, a " + name + " has two";
+  const int bank_count = facts_of(model).bank_count;
+  if (survey.bank_count != bank_count) {
+    return "the packets have " + std::to_string(survey.bank_count) + " laser banks, a " + name + " has " +
+           std::to_string(bank_count);
   }
   const std::int64_t expected_us = expected_period_us(survey, model);
   if (survey.packet_period_us != 0 && std::llabs(survey.packet_period_us - expected_us) > expected_us / 10) {

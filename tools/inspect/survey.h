@@ -12,7 +12,7 @@ namespace roadvec {
 /// What the first packets of a recording give away about the head that sent them.
 struct Survey {
   std::size_t packet_count = 0;
-  bool banks_alternate = false;  ///< blocks EE, DD, EE, DD, ...: an HDL-64E; no other head sends that
+  int bank_count = 0;  ///< laser banks in the blocks' flags: 1; 2 is an HDL-64E, 4 a VLS-128; 0: no head sends that
   bool dual_return = false;
   std::int64_t packet_period_us = 0;  ///< by the sensor's clock
   std::uint8_t product_id = 0;

@@ -58,7 +58,7 @@ const SimulatedPacket& LidarScanner::next() {
     const int group = block / facts_.bank_count, bank = block % facts_.bank_count;
     std::uint8_t* at = packet_.bytes.data() + static_cast<std::size_t>(block) * kBlockBytes;
     const std::int64_t group_time_ns = time_ns_ + group * static_cast<std::int64_t>(facts_.group_period_ns);
-    if (bank == 0) place_lanes(group_time_ns);
+    place_lanes(bank, group_time_ns);
     put_u16(at + kBlockFlagOffset, kBankFlags[static_cast<std::size_t>(bank)]);
     fire_block(bank, group_time_ns, at);
   }
@@ -72,10 +72,9 @@ const SimulatedPacket& LidarScanner::next() {
   return packet_;
 }
 
-/// The banks of a group fire side by side, so its lanes' places serve all of them.
-void LidarScanner::place_lanes(std::int64_t group_time_ns) {
+void LidarScanner::place_lanes(int bank, std::int64_t group_time_ns) {
   for (int lane = 0; lane < kLanesPerBlock; ++lane) {
-    const double time_s = 1e-9 * static_cast<double>(group_time_ns + lane_time_ns(head_.model, lane));
+    const double time_s = 1e-9 * static_cast<double>(group_time_ns + lane_time_ns(head_.model, bank, lane));
     T_scene_lidar_[static_cast<std::size_t>(lane)] = on_the_ground(motion_.at(time_s).pose) * T_vehicle_lidar_;
   }
 }
@@ -84,7 +83,7 @@ void LidarScanner::fire_block(int bank, std::int64_t group_time_ns, std::uint8_t
   const std::uint16_t reading_cdeg = azimuth_cdeg(group_time_ns);
   put_u16(block + kBlockAzimuthOffset, reading_cdeg);
   for (int lane = 0; lane < kLanesPerBlock; ++lane) {
-    const double after_s = 1e-9 * lane_time_ns(head_.model, lane);
+    const double after_s = 1e-9 * lane_time_ns(head_.model, bank, lane);
     // Where the decoder takes the azimuth as read, the made-up rotation corrections hold the turn.
     const double turn_rad = facts_.follow_turn ? kTwoPi * scene_.lidar.rotation_hz * after_s : 0.0;
     const double head_rad = rad_from_deg(reading_cdeg / 100.0) + turn_rad;

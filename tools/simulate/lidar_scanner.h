@@ -70,7 +70,7 @@ class LidarScanner {
     std::uint8_t intensity = 0;
   };
   [[nodiscard]] std::uint16_t azimuth_cdeg(std::int64_t time_ns) const;
-  void place_lanes(std::int64_t group_time_ns);
+  void place_lanes(int bank, std::int64_t group_time_ns);
   void fire_block(int bank, std::int64_t group_time_ns, std::uint8_t* block);
   [[nodiscard]] Echo fire(int laser, double beam_azimuth_rad, const Eigen::Isometry3d& T_scene_lidar);
   [[nodiscard]] Echo echo_of(const Hit& hit, int laser);

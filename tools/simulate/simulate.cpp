@@ -58,7 +58,7 @@ std::string drive_toml(const Scene& scene, const std::string& name, const LidarH
   std::string text = print("source = \"roadvec-simulate, scene %s, seed %llu: made up, free for any use\"\n\n[lidar]\n",
                            harmless(name).c_str(), static_cast<unsigned long long>(options.seed));
   text += print("model = \"%s\"\n", scene.lidar.model.c_str());
-  if (facts_of(head.model).needs_calibration) text += "calibration = \"db.xml\"\n";
+  if (facts_of(head.model).needs_calibration()) text += "calibration = \"db.xml\"\n";
   text += print(
       "pcap = \"lidar.pcap\"\nx_m = %.4f\ny_m = %.4f\nz_m = %.4f\nroll_deg = %.4f\npitch_deg = %.4f\nyaw_deg = %.4f\n",
       scene.lidar.x_m, scene.lidar.y_m, scene.lidar.z_m, scene.lidar.roll_deg, scene.lidar.pitch_deg,
@@ -148,7 +148,7 @@ Expected<SimulateReport> simulate(Scene scene, const std::string& scene_name, co
                           [&](OutputFile& file) { file.write(drive_toml(scene, scene_name, *head, options, start)); });
       })
       .and_then([&]() -> Expected<void> {
-        if (!facts_of(head->model).needs_calibration) return {};
+        if (!facts_of(head->model).needs_calibration()) return {};
         return write_file(out / "db.xml", [&](OutputFile& file) { file.write(db_xml(head->calibration)); });
       })
       .and_then([&] { return write_file(out / "vehicle.dbc", [&](OutputFile& file) { file.write(vehicle_dbc()); }); })

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
+#include <set>
 
 #include "tests/drivers/velodyne/packets.h"
 
@@ -64,12 +65,22 @@ TEST(PacketDecoder, numbers_the_lower_bank_of_an_hdl64e_from_32) {
 }
 
 TEST(PacketDecoder, gives_returns_in_the_order_of_their_times) {
-  for (const LidarModel model : {LidarModel::hdl64e_s2, LidarModel::hdl32e, LidarModel::vlp16}) {
-    FakeHead head(model);
-    const Decoded decoded(model, head.next().bytes);
-    const std::vector<Return> returns = decoded.returns();
-    ASSERT_EQ(returns.size(), 384U);
-    EXPECT_TRUE(std::ranges::is_sorted(returns, {}, &Return::time_ns)) << name_of(model);
+  for (const LidarModel model : kAllModels) {
+    for (const bool dual : {false, true}) {
+      if (dual && facts_of(model).dual == DualLayout::none) continue;
+      FakeHead head(model);
+      head.dual = dual;
+      const Decoded decoded(model, head.next().bytes);
+      const std::vector<Return> returns = decoded.returns();
+      // Both echoes of a firing are the same here and come out as one.
+      const std::size_t echo_count = !dual ? 384U : model == LidarModel::vls128 ? 128U : 192U;
+      EXPECT_EQ(returns.size(), echo_count) << name_of(model);
+      EXPECT_TRUE(std::ranges::is_sorted(returns, {}, &Return::time_ns)) << name_of(model);
+      EXPECT_EQ(decoded.packet.dual_return, dual) << name_of(model);
+      std::set<int> lasers;
+      for (const Return& r : returns) lasers.insert(r.laser);
+      EXPECT_EQ(lasers.size(), static_cast<std::size_t>(facts_of(model).laser_count));
+    }
   }
 }
 
@@ -172,6 +183,120 @@ TEST(PacketDecoder, joins_equal_echoes_of_a_dual_packet_and_names_the_others) {
   EXPECT_EQ(decoded.packet.returns[10].kind, ReturnKind::strongest) << "no last return";
 }
 
+TEST(PacketDecoder, takes_an_hdl64e_s3_that_stands_for_what_it_was_when_it_turned) {
+  for (const bool dual : {false, true}) {
+    FakeHead turning(LidarModel::hdl64e_s3), standing(LidarModel::hdl64e_s3, 0);
+    turning.dual = standing.dual = dual;
+    Decoded decoded(LidarModel::hdl64e_s3, standing.next().bytes);
+    EXPECT_FALSE(decoded.packet.dual_return) << "it never turned";
+    EXPECT_TRUE(decoded.decoder.decode(turning.next().bytes, decoded.packet));
+    EXPECT_EQ(decoded.packet.dual_return, dual);
+    EXPECT_TRUE(decoded.decoder.decode(standing.next().bytes, decoded.packet));
+    EXPECT_EQ(decoded.packet.dual_return, dual);
+  }
+}
+
+TEST(PacketDecoder, finds_the_strongest_return_of_an_hdl64e_s3_before_the_last) {
+  FakeHead head(LidarModel::hdl64e_s3);
+  head.dual = true;
+  PacketBytes bytes = head.next().bytes;
+  put_echo(bytes, 5, 7, 5000, 90);  // second group, lower bank, strongest
+  put_echo(bytes, 7, 7, 6000, 10);  // last
+  const Decoded decoded(LidarModel::hdl64e_s3, bytes);
+  ASSERT_EQ(decoded.packet.return_count, 3U * 64 + 1);
+  std::vector<Return> returns = decoded.returns();
+  std::erase_if(returns, [](const Return& r) { return r.kind == ReturnKind::both; });
+  ASSERT_EQ(returns.size(), 2U);
+  EXPECT_EQ(returns[0].kind, ReturnKind::strongest);
+  EXPECT_EQ(returns[0].intensity, 90);
+  EXPECT_EQ(returns[1].kind, ReturnKind::last);
+  for (const Return& r : returns) {
+    EXPECT_EQ(r.laser, 39);
+    EXPECT_EQ(r.time_ns, 57'600U + lane_time_ns(LidarModel::hdl64e_s3, 1, 7));
+  }
+}
+
+TEST(PacketDecoder, finds_both_returns_of_a_vls128_and_skips_the_empty_blocks) {
+  for (const unsigned flag : {0x0000U, 0xFFFFU}) {
+    FakeHead head(LidarModel::vls128);
+    head.dual = true;
+    PacketBytes bytes = head.next().bytes;
+    for (int block = 8; block < kBlocksPerPacket; ++block) {
+      put_flag(bytes, block, flag);
+      put_azimuth_cdeg(bytes, block, 0xFFFF);
+      for (int lane = 0; lane < kLanesPerBlock; ++lane) put_echo(bytes, block, lane, 9999, 99);
+    }
+    put_echo(bytes, 4, 3, 6000, 10);  // third bank, last
+    put_echo(bytes, 5, 3, 5000, 90);  // strongest
+    const Decoded decoded(LidarModel::vls128, bytes);
+    ASSERT_TRUE(decoded.accepted);
+    ASSERT_EQ(decoded.packet.return_count, 129U);
+    EXPECT_EQ(decoded.counts().wrong_azimuth, 0U);
+    std::vector<Return> returns = decoded.returns();
+    std::erase_if(returns, [](const Return& r) { return r.kind == ReturnKind::both; });
+    ASSERT_EQ(returns.size(), 2U);
+    EXPECT_EQ(returns[0].kind, ReturnKind::last);
+    EXPECT_EQ(returns[0].intensity, 10);
+    EXPECT_EQ(returns[1].kind, ReturnKind::strongest);
+    EXPECT_EQ(returns[1].laser, 67);
+    put_flag(bytes, 9, 0xEEFF);
+    EXPECT_EQ(Decoded(LidarModel::vls128, bytes).counts().wrong_flags, 1U);
+  }
+}
+
+TEST(PacketDecoder, refuses_the_modes_of_a_vls128_that_it_cannot_read_and_counts_them_by_name) {
+  for (const std::uint8_t mode : {kTripleReturnMode, kConfidenceReturnMode}) {
+    FakeHead head(LidarModel::vls128);
+    PacketBytes bytes = head.next().bytes;
+    bytes[kReturnModeOffset] = mode;
+    const Decoded decoded(LidarModel::vls128, bytes);
+    EXPECT_FALSE(decoded.accepted);
+    EXPECT_EQ(decoded.counts().unread_mode, 1U);
+    EXPECT_EQ(decoded.counts().wrong_flags, 0U);
+  }
+}
+
+TEST(PacketDecoder, knows_the_turn_of_a_vls128_in_dual_mode_from_the_packet_before_even_after_a_loss) {
+  for (const int lost_count : {0, 5}) {
+    FakeHead head(LidarModel::vls128, 20);
+    head.dual = true;
+    head.azimuth_cdeg = 35'970;
+    Decoded decoded(LidarModel::vls128, head.next().bytes);
+    for (int i = 0; i < lost_count; ++i) (void)head.next();
+    ASSERT_TRUE(decoded.decoder.decode(head.next().bytes, decoded.packet));
+    const Return& last = decoded.packet.returns[127];
+    const double share = lane_time_ns(LidarModel::vls128, 3, 31) / 55'296.0;
+    const double head_deg = (35'970 + 20 * (lost_count + 1) + 20 * share) / 100;
+    const double rotation_deg = deg_from_rad(calibration_of(LidarModel::vls128).lasers[127].rotation_rad);
+    EXPECT_NEAR(std::remainder(last.azimuth_rad - rad_from_deg(head_deg - rotation_deg), kTwoPi), 0, 1e-4);
+  }
+}
+
+TEST(PacketDecoder, gives_the_sector_that_a_head_leaves_out_its_time) {
+  FakeHead head(LidarModel::vlp32c, 20);
+  PacketBytes bytes = head.next().bytes;
+  for (int block = 8; block < kBlocksPerPacket; ++block) put_azimuth_cdeg(bytes, block, 18'140U + 20U * block);
+  Decoded decoded(LidarModel::vlp32c, bytes);
+  EXPECT_EQ(decoded.packet.groups[7].start_ns, 7U * 55'296);
+  EXPECT_NEAR(decoded.packet.groups[8].start_ns, (18'160.0 / 20 + 7) * 55'296, 1);
+  EXPECT_NEAR(decoded.decoder.duration_ns(decoded.packet), (18'160.0 / 20 + 11) * 55'296, 1);
+  EXPECT_EQ(decoded.packet.returns[8 * 32].time_ns, decoded.packet.groups[8].start_ns);
+  // A damaged reading leaps there and back.
+  bytes = FakeHead(LidarModel::vlp32c, 20).next().bytes;
+  put_azimuth_cdeg(bytes, 5, 20'000);
+  ASSERT_TRUE(decoded.decoder.decode(bytes, decoded.packet));
+  EXPECT_EQ(decoded.decoder.duration_ns(decoded.packet), 12U * 55'296);
+}
+
+TEST(PacketDecoder, follows_the_offsets_that_are_built_in) {
+  // Laser 1 of a VLP-32C stands 4.2 degrees before the head's azimuth.
+  const Decoded decoded(LidarModel::vlp32c, one_echo(LidarModel::vlp32c, 1000, 0, 1, 2500));
+  ASSERT_EQ(decoded.packet.return_count, 1U);
+  EXPECT_NEAR(decoded.packet.returns[0].azimuth_rad, rad_from_deg(10.0 - 4.2), 1e-6);
+  EXPECT_NEAR(std::hypot(decoded.packet.returns[0].x_m, decoded.packet.returns[0].y_m, decoded.packet.returns[0].z_m),
+              10.0, 1e-4);
+}
+
 TEST(PacketDecoder, leaves_out_a_laser_that_the_calibration_disables) {
   Calibration calibration = calibration_of(LidarModel::hdl64e_s2);
   calibration.lasers[40].enabled = false;
@@ -217,6 +342,45 @@ TEST(PacketDecoder, corrects_an_hdl64e_by_the_two_point_formula_near_and_far) {
       EXPECT_NEAR(decoded.packet.returns[0].x_m, expected.x_m, 5e-5) << azimuth_cdeg << " " << distance;
       EXPECT_NEAR(decoded.packet.returns[0].y_m, expected.y_m, 5e-5) << azimuth_cdeg << " " << distance;
       EXPECT_NEAR(decoded.packet.returns[0].z_m, expected.z_m, 5e-5) << azimuth_cdeg << " " << distance;
+    }
+  }
+}
+
+/// [ros-drivers/velodyne] step by step: near corrections at every distance, the vertical offset turned with the beam.
+Expected64 by_ros(const LaserCalibration& c, double azimuth_rad, double raw_m) {
+  const double a = azimuth_rad - c.rotation_rad, flat = std::cos(c.elevation_rad), rise = std::sin(c.elevation_rad);
+  const double far = raw_m + c.distance_m;
+  const double dx =
+      c.distance_x_m + (c.distance_m - c.distance_x_m) * (std::abs(far * flat * std::sin(a)) - 2.4) / (25.04 - 2.4);
+  const double dy =
+      c.distance_y_m + (c.distance_m - c.distance_y_m) * (std::abs(far * flat * std::cos(a)) - 1.93) / (25.04 - 1.93);
+  const double flat_x = (raw_m + dx) * flat - c.vertical_offset_m * rise,
+               flat_y = (raw_m + dy) * flat - c.vertical_offset_m * rise;
+  return {flat_y * std::cos(a) + c.horizontal_offset_m * std::sin(a),
+          -(flat_x * std::sin(a) - c.horizontal_offset_m * std::cos(a)),
+          (raw_m + dy) * rise + c.vertical_offset_m * flat};
+}
+
+TEST(PacketDecoder, corrects_as_ros_does_when_told_to) {
+  Calibration calibration = calibration_of(LidarModel::hdl64e_s3);
+  const LaserCalibration odd{.rotation_rad = 0.05,
+                             .elevation_rad = -0.42,
+                             .distance_m = 1.30,
+                             .distance_x_m = 1.35,
+                             .distance_y_m = 1.27,
+                             .vertical_offset_m = 0.21,
+                             .horizontal_offset_m = 0.026};
+  calibration.lasers[0] = odd;
+  for (const int azimuth_cdeg : {0, 1234, 9000, 27'000}) {
+    for (const unsigned distance : {1000U, 5000U, 60'000U}) {
+      const Decoded decoded(LidarModel::hdl64e_s3, one_echo(LidarModel::hdl64e_s3, azimuth_cdeg, 0, 0, distance),
+                            calibration, {.correction = Correction::ros});
+      ASSERT_EQ(decoded.packet.return_count, 1U);
+      const Return& r = decoded.packet.returns[0];
+      const Expected64 ros = by_ros(odd, rad_from_deg(azimuth_cdeg / 100.0), distance * 0.002);
+      EXPECT_NEAR(std::hypot(r.x_m - ros.x_m, r.y_m - ros.y_m, r.z_m - ros.z_m), 0, 1e-4);
+      const Expected64 manual = by_the_manual(odd, rad_from_deg(azimuth_cdeg / 100.0), distance * 0.002);
+      EXPECT_GT(std::hypot(manual.x_m - ros.x_m, manual.y_m - ros.y_m, manual.z_m - ros.z_m), 0.05);
     }
   }
 }

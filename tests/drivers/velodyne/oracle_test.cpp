@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <numeric>
+#include <set>
 
 #include "drivers/velodyne/pcap_reader.h"
 #include "tests/drivers/velodyne/packets.h"
@@ -60,10 +61,42 @@ std::vector<int> rings(const Calibration& calibration) {
 
 using ReturnsByFiring = std::map<std::pair<std::int64_t, int>, std::vector<Return>>;  // device time, ring
 
-ReturnsByFiring decode_recording(const std::string& path, LidarModel model, const Calibration& calibration) {
+struct Recorded {
   ReturnsByFiring firings;
+  /// Packets in which the head leaves out a sector, which the oracle takes for a fast turn: not compared.
+  std::set<std::int64_t> leaping_ns;
+};
+bool in_leaping_packet(const Recorded& recorded, std::int64_t device_ns) {
+  constexpr std::int64_t kPacket_ns = 663'000;  // of a VLP-32C
+  const auto next = recorded.leaping_ns.upper_bound(device_ns + 500);
+  return next != recorded.leaping_ns.begin() && device_ns - *std::prev(next) < kPacket_ns;
+}
+
+/// What is compared, and where the oracle differs by what is known of it.
+struct Comparison {
+  const char* pcap;
+  const char* csv;
+  LidarModel model;
+  bool dual = false;
+  const char* calibration = nullptr;  ///< null: built in
+  double tolerance_m = 0.010;
+  double near_tolerance_m = 0.010;  ///< below 25.04 m, where an HDL-64E is corrected by two points
+  double tolerance_rad = 0;         ///< of the azimuth, where that is more
+  /// Between the groups of a packet; 0: as we have it. And before the stamp.
+  std::uint32_t group_period_ns = 0, before_stamp_ns = 0;
+};
+
+std::int64_t oracle_time_ns(const Comparison& c, const RawPacket& packet, const Return& r) {
+  std::int64_t time_ns = std::int64_t{device_time_us(packet.bytes)} * 1000 + r.time_ns - c.before_stamp_ns;
+  const std::int64_t group = r.time_ns / facts_of(c.model).group_period_ns;
+  if (c.group_period_ns != 0) time_ns += group * (std::int64_t{c.group_period_ns} - facts_of(c.model).group_period_ns);
+  return time_ns;
+}
+
+Recorded decode_recording(const std::string& path, const Comparison& c, const Calibration& calibration) {
+  Recorded recorded;
   LidarCounters counters;
-  PacketDecoder decoder(model, calibration, {}, counters);
+  PacketDecoder decoder(c.model, calibration, {.maybe_follow_turn = true}, counters);
   DecodedPacket decoded;
   const std::vector<int> ring = rings(calibration);
   auto reader = PcapReader::open(path, {}, counters);
@@ -72,13 +105,17 @@ ReturnsByFiring decode_recording(const std::string& path, LidarModel model, cons
   while (reader && (*reader)->read(batch, {}) == ReadResult::packets) {
     for (const RawPacket& packet : batch) {
       EXPECT_TRUE(decoder.decode(packet.bytes, decoded));
+      if (decoder.duration_ns(decoded) > 5'000'000) {
+        recorded.leaping_ns.insert(std::int64_t{device_time_us(packet.bytes)} * 1000);
+        continue;
+      }
       for (std::uint32_t i = 0; i < decoded.return_count; ++i) {
         const Return& r = decoded.returns[i];
-        firings[{std::int64_t{device_time_us(packet.bytes)} * 1000 + r.time_ns, ring[r.laser]}].push_back(r);
+        recorded.firings[{oracle_time_ns(c, packet, r), ring[r.laser]}].push_back(r);
       }
     }
   }
-  return firings;
+  return recorded;
 }
 
 /// The return nearest to the oracle's among those of its ring within 1 us.
@@ -97,47 +134,87 @@ const Return* find(const ReturnsByFiring& firings, const OraclePoint& point, dou
   return nearest;
 }
 
-void expect_oracle(const char* pcap, const char* csv, LidarModel model, bool dual) {
-  const auto maybe_pcap = recording(pcap), maybe_csv = recording(csv);
+Calibration calibration_in(const Comparison& c) {
+  if (c.calibration == nullptr) return *built_in_calibration(c.model);
+  auto calibration = calibration_for(c.model, *recording(c.calibration));
+  EXPECT_TRUE(calibration) << calibration.error().message;
+  return *calibration;
+}
+
+void expect_oracle(const Comparison& c) {
+  const auto maybe_pcap = recording(c.pcap), maybe_csv = recording(c.csv);
   if (!maybe_pcap || !maybe_csv) return;
   const std::vector<OraclePoint> points = read_oracle(*maybe_csv);
-  const ReturnsByFiring firings = decode_recording(*maybe_pcap, model, calibration_of(model));
+  const Recorded recorded = decode_recording(*maybe_pcap, c, calibration_in(c));
   ASSERT_GT(points.size(), 10'000U);
-  double worst_m = 0, worst_intensity = 0;
-  std::size_t missing = 0, other_kind = 0;
+  double worst_m = 0, worst_excess_m = -1, worst_intensity = 0;
+  std::size_t missing_count = 0, other_kind_count = 0, compared_count = 0;
   std::int64_t first_ns = points.front().device_ns, last_ns = first_ns;
   for (const OraclePoint& point : points) {
+    if (in_leaping_packet(recorded, point.device_ns)) continue;
+    ++compared_count;
     double distance_m = 0;
-    const Return* const found = find(firings, point, distance_m);
+    const Return* const found = find(recorded.firings, point, distance_m);
     if (found == nullptr) {
-      ++missing;
+      ++missing_count;
       continue;
     }
+    const double range_m = std::hypot(point.x_m, point.y_m, point.z_m);
+    const double tolerance_m = range_m < 25.5 ? c.near_tolerance_m : std::max(c.tolerance_m, range_m * c.tolerance_rad);
     worst_m = std::max(worst_m, distance_m);
+    worst_excess_m = std::max(worst_excess_m, distance_m - tolerance_m);
     worst_intensity = std::max(worst_intensity, std::abs(found->intensity - point.intensity));
-    if (found->kind != (dual ? point.kind : ReturnKind::single)) ++other_kind;
+    if (found->kind != (c.dual ? point.kind : ReturnKind::single)) ++other_kind_count;
     first_ns = std::min(first_ns, point.device_ns);
     last_ns = std::max(last_ns, point.device_ns);
   }
-  EXPECT_EQ(missing, 0U);
-  EXPECT_EQ(other_kind, 0U);
-  EXPECT_LT(worst_m, 0.010);
-  EXPECT_LE(worst_intensity, 0.5);
+  EXPECT_EQ(missing_count, 0U);
+  EXPECT_EQ(other_kind_count, 0U);
+  EXPECT_LT(worst_excess_m, 0.0) << "farthest " << worst_m << " m";
+  EXPECT_LE(worst_intensity, 0.501);
   std::size_t ours = 0;
-  for (const auto& [firing, returns] : firings) {
+  for (const auto& [firing, returns] : recorded.firings) {
     if (firing.first >= first_ns - 500 && firing.first <= last_ns + 500) ours += returns.size();
   }
-  EXPECT_EQ(ours, points.size());
+  EXPECT_EQ(ours, compared_count);
+  EXPECT_GT(compared_count, points.size() * 97 / 100);
 }
 
-TEST(OracleHdl32e, finds_the_same_points_within_a_centimetre_and_a_microsecond) {
-  expect_oracle("velodyne/hdl32e_monterey.pcap", "velodyne/oracle_hdl32e.csv.xz", LidarModel::hdl32e, false);
+TEST(Oracle, finds_the_points_of_an_hdl32e_within_a_centimetre_and_a_microsecond) {
+  expect_oracle(
+      {.pcap = "velodyne/hdl32e_monterey.pcap", .csv = "velodyne/oracle_hdl32e.csv.xz", .model = LidarModel::hdl32e});
 }
-TEST(OracleVlp16, finds_the_same_points_though_the_packets_claim_another_model) {
-  expect_oracle("velodyne/vlp16_says_hdl32e.pcap", "velodyne/oracle_vlp16.csv.xz", LidarModel::vlp16, false);
+TEST(Oracle, finds_the_points_of_a_vlp16_though_its_packets_claim_another_model) {
+  expect_oracle(
+      {.pcap = "velodyne/vlp16_says_hdl32e.pcap", .csv = "velodyne/oracle_vlp16.csv.xz", .model = LidarModel::vlp16});
 }
-TEST(OracleVlp16, finds_both_returns_of_the_dual_mode) {
-  expect_oracle("velodyne/vlp16_dual.pcap", "velodyne/oracle_vlp16dual.csv.xz", LidarModel::vlp16, true);
+TEST(Oracle, finds_both_returns_of_a_vlp16_in_dual_mode) {
+  expect_oracle({.pcap = "velodyne/vlp16_dual.pcap",
+                 .csv = "velodyne/oracle_vlp16dual.csv.xz",
+                 .model = LidarModel::vlp16,
+                 .dual = true});
+}
+TEST(Oracle, finds_the_points_of_a_vlp32c) {
+  expect_oracle({.pcap = "velodyne/vlp32c.pcap", .csv = "velodyne/oracle_vlp32c.csv.xz", .model = LidarModel::vlp32c});
+}
+TEST(Oracle, finds_the_points_of_a_vls128) {
+  // The oracle spaces the groups of a packet by 53.3 us, where the sensor's own clock has 55.3 us: its lasers follow
+  // the head 4 % too fast, up to 0.7 hundredths of a degree, and then it rounds by half a hundredth. Its times begin 7
+  // us before the stamp.
+  expect_oracle({.pcap = "velodyne/vls128.pcap",
+                 .csv = "velodyne/oracle_vls128.csv.xz",
+                 .model = LidarModel::vls128,
+                 .tolerance_rad = rad_from_deg(0.012),
+                 .group_period_ns = 53'333,
+                 .before_stamp_ns = 7'000});
+}
+TEST(Oracle, finds_both_returns_of_an_hdl64e_s3_with_a_ros_calibration) {
+  expect_oracle({.pcap = "velodyne/hdl64e_s3_dual_6_revolutions.pcap",
+                 .csv = "velodyne/oracle_hdl64.csv.xz",
+                 .model = LidarModel::hdl64e_s3,
+                 .dual = true,
+                 .calibration = "velodyne/hdl64e_s3_xiesc.yaml",
+                 .near_tolerance_m = 0.030});
 }
 
 }  // namespace

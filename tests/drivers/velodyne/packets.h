@@ -44,19 +44,19 @@ class FakeHead {
 
   RawPacket next() {
     const ModelFacts& facts = facts_of(model_);
-    const int blocks_per_group = facts.bank_count * (dual ? 2 : 1);
-    const std::int64_t duration_ns =
-        static_cast<std::int64_t>(kBlocksPerPacket / blocks_per_group) * facts.group_period_ns;
+    const GroupLayout layout = group_layout(model_, dual);
+    const int group_count = kBlocksPerPacket / layout.block_count;
+    const std::int64_t duration_ns = static_cast<std::int64_t>(group_count) * facts.group_period_ns;
     RawPacket packet;
-    for (int block = 0; block < kBlocksPerPacket; ++block) {
-      put_flag(packet.bytes, block, kBankFlags[static_cast<std::size_t>(block % facts.bank_count)]);
+    for (int block = 0; block < group_count * layout.block_count; ++block) {
+      const int in_group = block % layout.block_count;
+      put_flag(packet.bytes, block, kBankFlags[layout.blocks[static_cast<std::size_t>(in_group)].bank]);
       put_azimuth_cdeg(packet.bytes, block, static_cast<unsigned>(azimuth_cdeg));
       for (int lane = 0; lane < kLanesPerBlock; ++lane) put_echo(packet.bytes, block, lane, 2500, 50);
-      if (block % blocks_per_group == blocks_per_group - 1)
-        azimuth_cdeg = (azimuth_cdeg + turn_cdeg_) % kFullCircle_cdeg;
+      if (in_group == layout.block_count - 1) azimuth_cdeg = (azimuth_cdeg + turn_cdeg_) % kFullCircle_cdeg;
     }
     put_device_time_us(packet.bytes, static_cast<std::uint32_t>(device_us % 3'600'000'000));
-    packet.bytes[kReturnModeOffset] = dual ? kDualReturnMode : kStrongestReturnMode;
+    if (facts.has_return_mode) packet.bytes[kReturnModeOffset] = dual ? kDualReturnMode : kStrongestReturnMode;
     packet.bytes[kProductIdOffset] = facts.product_id;
     elapsed_ns_ += duration_ns;
     packet.arrived = arrival + elapsed_ns_;
@@ -88,6 +88,10 @@ class SweepCollector : public SweepSink {
  private:
   Sweep slot_;
 };
+
+inline constexpr LidarModel kAllModels[] = {LidarModel::hdl64e_s2, LidarModel::hdl64e_s3,   LidarModel::hdl32e,
+                                            LidarModel::vlp16,     LidarModel::puck_hi_res, LidarModel::vlp32c,
+                                            LidarModel::vls128};
 
 /// A calibration of an ideal HDL-64E: 64 elevations, nothing to correct.
 inline Calibration ideal_hdl64e() {
