@@ -84,6 +84,12 @@ int Daemon::run(const std::filesystem::path& output) {
     spdlog::error("{}", lidar_->error());
     return 1;
   }
+  if (kind_ == InputKind::recorded && awaits_calibration()) {
+    spdlog::error(
+        "the recording ended before the calibration that the sensor streams was complete, so nothing was mapped; set "
+        "lidar.calibration to the sensor's db.xml");
+    return 1;
+  }
   return written;
 }
 
