@@ -111,6 +111,8 @@ void read_lidar(TomlTable& table, LidarSpec& lidar) {
 void read_errors(TomlTable& table, ErrorSpec& errors) {
   table.number("steering_offset_deg", errors.steering_offset_deg, -45, 45);
   table.number("wheel_speed_scale", errors.wheel_speed_scale, 0.8, 1.2);
+  table.number("steering_step_deg", errors.steering_step_deg, 0.001, 10);
+  table.number("wheel_speed_step_kmph", errors.wheel_speed_step_kmph, 0.001, 10);
   table.number("gyro_bias_degps", errors.gyro_bias_degps, -10, 10);
   table.number("gyro_noise_radps", errors.gyro_noise_radps, 0, 1);
   table.number("acceleration_noise_mps2", errors.acceleration_noise_mps2, 0, 10);

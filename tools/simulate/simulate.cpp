@@ -151,7 +151,8 @@ Expected<SimulateReport> simulate(Scene scene, const std::string& scene_name, co
         if (!facts_of(head->model).needs_calibration()) return {};
         return write_file(out / "db.xml", [&](OutputFile& file) { file.write(db_xml(head->calibration)); });
       })
-      .and_then([&] { return write_file(out / "vehicle.dbc", [&](OutputFile& file) { file.write(vehicle_dbc()); }); })
+      .and_then(
+          [&] { return write_file(out / "vehicle.dbc", [&](OutputFile& file) { file.write(vehicle_dbc(scene)); }); })
       .and_then([&] {
         return write_file(out / "can.log", [&](OutputFile& file) {
           report.can_frame_count = write_can_log(scene, *motion, report.duration_s, file);

@@ -15,14 +15,13 @@ namespace {
 constexpr double kTick_s = 0.01;
 /// When in a tick the two messages go out; an ECU is in step with nothing else.
 constexpr double kSteeringSent_s = 0.0013, kWheelsSent_s = 0.0037;
-constexpr double kSteeringStep_deg = 0.1, kWheelStep_kmh = 0.01;
 constexpr double kGravity_mps2 = 9.81;
 
 SensorTime instant(const Scene& scene, double time_s) { return {scene.start_ns + std::llround(time_s * 1e6) * 1000}; }
 
 std::string steering_frame(const Scene& scene, const CarState& car, unsigned counter) {
   const double wheel_deg = deg_from_rad(car.steering_rad) * scene.car.steering_ratio + scene.errors.steering_offset_deg;
-  const long raw = std::clamp(std::lround(wheel_deg / kSteeringStep_deg), -32768L, 32767L);
+  const long raw = std::clamp(std::lround(wheel_deg / scene.errors.steering_step_deg), -32768L, 32767L);
   return print("0C2#%04X00%02X", static_cast<unsigned>(raw) & 0xFFFF, counter & 0xF);
 }
 
@@ -36,7 +35,8 @@ std::string wheel_frame(const Scene& scene, const CarState& car) {
     const double w = car.yaw_rate_radps;
     const double speed_mps = std::hypot(car.speed_mps - w * wheel_m.y(), w * wheel_m.x());
     const double kmh = 3.6 * speed_mps * scene.errors.wheel_speed_scale;
-    const auto raw = static_cast<unsigned>(std::clamp(std::lround(kmh / kWheelStep_kmh), 0L, 65535L));
+    const auto raw =
+        static_cast<unsigned>(std::clamp(std::lround(kmh / scene.errors.wheel_speed_step_kmph), 0L, 65535L));
     frame += print("%02X%02X", raw & 0xFF, raw >> 8);
   }
   return frame;
@@ -74,17 +74,24 @@ std::string stamp(SensorTime time) {
                static_cast<long long>(time.ns % 1'000'000'000 / 1000));
 }
 
-std::string_view vehicle_dbc() {
-  return "VERSION \"1\"\n\nNS_ :\n\nBS_:\n\nBU_: EPS ABS\n\n"
-         "BO_ 194 SteeringSensor: 4 EPS\n"
-         " SG_ SteeringWheelAngle : 7|16@0- (0.1,0) [-800|800] \"deg\" ABS\n"
-         " SG_ SteeringCounter : 24|4@1+ (1,0) [0|15] \"\" ABS\n\n"
-         "BO_ 416 WheelSpeeds: 8 ABS\n"
-         " SG_ WheelSpeedFL : 0|16@1+ (0.01,0) [0|655.35] \"km/h\" EPS\n"
-         " SG_ WheelSpeedFR : 16|16@1+ (0.01,0) [0|655.35] \"km/h\" EPS\n"
-         " SG_ WheelSpeedRL : 32|16@1+ (0.01,0) [0|655.35] \"km/h\" EPS\n"
-         " SG_ WheelSpeedRR : 48|16@1+ (0.01,0) [0|655.35] \"km/h\" EPS\n\n"
-         "CM_ SG_ 194 SteeringWheelAngle \"Left positive.\";\n"
+std::string vehicle_dbc(const Scene& scene) {
+  const std::string steering = print("%g", scene.errors.steering_step_deg);
+  std::string text =
+      "VERSION \"1\"\n\nNS_ :\n\nBS_:\n\nBU_: EPS ABS\n\n"
+      "BO_ 194 SteeringSensor: 4 EPS\n"
+      " SG_ SteeringWheelAngle : 7|16@0- (" +
+      steering +
+      ",0) [-800|800] \"deg\" ABS\n"
+      " SG_ SteeringCounter : 24|4@1+ (1,0) [0|15] \"\" ABS\n\n"
+      "BO_ 416 WheelSpeeds: 8 ABS\n";
+  int bit = 0;
+  for (const char* wheel : {"FL", "FR", "RL", "RR"}) {
+    text += print(" SG_ WheelSpeed%s : %d|16@1+ (%g,0) [0|%g] \"km/h\" EPS\n", wheel, bit,
+                  scene.errors.wheel_speed_step_kmph, 65535 * scene.errors.wheel_speed_step_kmph);
+    bit += 16;
+  }
+  return text +
+         "\nCM_ SG_ 194 SteeringWheelAngle \"Left positive.\";\n"
          "BA_DEF_ BO_ \"GenMsgCycleTime\" INT 0 10000;\n"
          "BA_DEF_DEF_ \"GenMsgCycleTime\" 0;\n"
          "BA_ \"GenMsgCycleTime\" BO_ 194 10;\n"

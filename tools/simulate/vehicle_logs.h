@@ -12,7 +12,7 @@
 namespace roadvec {
 
 /// The car's messages: steering angle (Motorola, 100 Hz) and wheel speeds (Intel, 50 Hz).
-[[nodiscard]] std::string_view vehicle_dbc();
+[[nodiscard]] std::string vehicle_dbc(const Scene& scene);
 
 /// What the bus carries during the first duration_s of the drive, as candump -L writes it. Returns how many frames.
 std::uint64_t write_can_log(const Scene& scene, const CarMotion& motion, double duration_s, OutputFile& file);

@@ -42,7 +42,7 @@ class VehicleLogs : public testing::Test {
 
 TEST_F(VehicleLogs, can_log_decodes_to_the_true_motion_and_the_declared_errors) {
   const std::string log = written("can.log", [&](OutputFile& file) { write_can_log(scene_, *motion_, 30, file); });
-  const DbcFile dbc = parse_dbc(vehicle_dbc(), "vehicle.dbc");
+  const DbcFile dbc = parse_dbc(vehicle_dbc(Scene{}), "vehicle.dbc");
   EXPECT_TRUE(dbc.diagnostics.empty());
   VehicleSignals signals;
   signals.steering.sum = {"SteeringSensor.SteeringWheelAngle"};
