@@ -7,7 +7,7 @@ build=(g++ cmake ninja-build pkg-config libeigen3-dev libceres-dev libpcap-dev l
   libgtest-dev libgmock-dev libbenchmark-dev)
 demo=("${build[@]}" python3)
 test=("${build[@]}" python3 python3-protobuf protobuf-compiler clang-14 libclang-rt-14-dev clang-format-14 clang-tidy-14
-  xz-utils tar git)
+  xz-utils tar git user-mode-linux systemd kmod iproute2 can-utils)
 bench=("${build[@]}" libpcl-dev xz-utils tar)
 
 case ${1:-} in
