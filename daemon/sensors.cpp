@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <system_error>
 
@@ -56,13 +57,15 @@ Expected<std::unique_ptr<PacketSource>> open_packets(const LidarSettings& settin
 }
 
 SignalExpression expression_of(const SignalSettings& settings) {
-  return {.sum = settings.sum, .sign = settings.sign, .scale = settings.scale, .unit = settings.unit};
-}
-
-std::vector<const SignalSettings*> signals_of(const VehicleSettings& settings) {
-  std::vector<const SignalSettings*> signals{&settings.steering_signal};
-  for (const SignalSettings& wheel : settings.wheel_speed_signals) signals.push_back(&wheel);
-  return signals;
+  SignalExpression expression;
+  expression.sum = settings.sum;
+  expression.sign = settings.sign;
+  expression.scale = settings.scale;
+  expression.unit = settings.unit;
+  expression.valid = settings.valid;
+  if (settings.valid_raw) expression.valid_raw = static_cast<std::uint64_t>(*settings.valid_raw);
+  if (settings.invalid_raw) expression.invalid_raw = static_cast<std::uint64_t>(*settings.invalid_raw);
+  return expression;
 }
 
 Expected<std::unique_ptr<CanReader>> open_can(const VehicleSettings& settings, InputKind kind,
@@ -79,20 +82,25 @@ Expected<std::unique_ptr<CanReader>> open_can(const VehicleSettings& settings, I
   return std::unique_ptr<CanReader>(std::move(*reader));
 }
 
+/// The first lines that could not be read, and how many there are.
+void warn_of(const DbcFile& dbc) {
+  constexpr std::size_t kShown = 5;
+  const std::size_t count = dbc.diagnostics.size();
+  for (std::size_t i = 0; i < std::min(count, kShown); ++i) spdlog::warn("{}", dbc.diagnostics[i].text);
+  if (count > 0) spdlog::warn("{}: {} lines are not as a DBC file has them; the rest of it is used", dbc.name, count);
+}
+
 Expected<std::unique_ptr<CanInput>> open_can_input(const VehicleSettings& settings, InputKind kind) {
   const auto dbc = load_dbc(settings.dbc.string());
   if (!dbc) return tl::unexpected(dbc.error());
-  for (const DbcDiagnostic& diagnostic : dbc->diagnostics) {
-    spdlog::warn("{}; the rest of the file is used", diagnostic.text);
-  }
-  for (const SignalSettings* signal : signals_of(settings)) {
-    if (!signal->valid.empty())
-      return fail("'valid = \"" + signal->valid + "\"': this version does not read validity signals; remove it");
-  }
+  warn_of(*dbc);
   VehicleSignals signals;
   signals.steering = expression_of(settings.steering_signal);
   for (const SignalSettings& wheel : settings.wheel_speed_signals) signals.wheel_speeds.push_back(expression_of(wheel));
   signals.wheel_radius_m = settings.wheel_radius_m;
+  for (const MessageSettings& m : settings.messages) {
+    signals.messages.push_back({m.message, m.counter, m.checksum, m.kind, m.timeout_ms * 1e-3});
+  }
   auto decoder = MotionDecoder::create(*dbc, signals);
   if (!decoder) return tl::unexpected(decoder.error());
   auto reader = open_can(settings, kind, decoder->ids());

@@ -21,6 +21,23 @@ const char* name_of(MotionSource source) {
   return "none";
 }
 
+/// Why the bus is silent, and what helps; null: it is not, or nobody said why.
+const char* trouble_of(const CanCounters& can) {
+  switch (can.state) {
+    case CanState::working:
+      return nullptr;
+    case CanState::bus_off:
+      return "CAN controller is bus-off: check bit rate and wiring; 'ip link set can0 type can restart-ms 100' "
+             "restarts "
+             "it by itself, '... type can restart' once";
+    case CanState::down:
+      return "CAN interface is down: 'ip link set can0 up'";
+    case CanState::lost:
+      return "CAN interface has gone: it is opened again when one of its name is back";
+  }
+  return nullptr;
+}
+
 void add_timing(wire::Stage& stage, const StepTimer& timer, Step step) {
   const DurationHistogram::Summary summary = timer.summary(step);
   if (summary.count == 0) return;
@@ -58,14 +75,30 @@ wire::Stage Daemon::vehicle_status() const {
                                          {"can_bad_lines", counts.can.bad_line_count},
                                          {"can_kernel_drops", counts.can.kernel_drop_count},
                                          {"can_wrong_size", counts.can.wrong_size_count},
+                                         {"can_foreign_interface", counts.can.foreign_interface_count},
                                          {"can_error_frames", counts.can.error_frame_count},
                                          {"can_bus_off", counts.can.bus_off_count},
+                                         {"can_restarted", counts.can.restarted_count},
+                                         {"can_passive", counts.can.passive_count},
+                                         {"can_controller_problems", counts.can.controller_problem_count},
+                                         {"can_controller_overflows", counts.can.controller_overflow_count},
+                                         {"can_bus_errors", counts.can.bus_error_count},
+                                         {"can_other_errors", counts.can.other_error_count},
                                          {"can_interface_down", counts.can.interface_down_count},
                                          {"can_interface_lost", counts.can.interface_lost_count},
+                                         {"can_interface_reopened", counts.can.reopened_count},
                                          {"can_short_frames", counts.motion.short_frame_count},
-                                         {"can_invalid_values", counts.motion.invalid_value_count}}) {
+                                         {"can_invalid_values", counts.motion.invalid_value_count},
+                                         {"can_not_valid", counts.motion.not_valid_count},
+                                         {"can_bad_checksums", counts.motion.messages.bad_checksum_count},
+                                         {"can_counter_gaps", counts.motion.messages.counter_gap_count},
+                                         {"can_message_timeouts", counts.motion.messages.timeout_count}}) {
       stage.counters.push_back(counter);
     }
+    if (counts.can.receive_buffer_bytes > 0) {
+      stage.gauges.push_back({"can_receive_buffer_bytes", static_cast<double>(counts.can.receive_buffer_bytes)});
+    }
+    if (const char* trouble = trouble_of(counts.can)) stage.state = trouble;
   }
   if (settings_.imu) {
     for (const wire::Counter& counter : {wire::Counter{"imu_bytes", counts.imu.byte_count},

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <span>
 #include <sstream>
 
 #include "drivers/velodyne/calibration.h"
@@ -116,6 +117,18 @@ class Assignment {
     *target = given;
   }
 
+  void operator()(std::vector<MessageSettings>* target) const {
+    const toml::array* list = value_.as_array();
+    if (!list) return wrong_type("a list of tables");
+    std::vector<MessageSettings> given(list->size());
+    for (std::size_t i = 0; i < given.size(); ++i) {
+      const toml::table* table = list->get(i)->as_table();
+      if (!table) return object("holds " + std::string(type_name(*list->get(i))) + "; must hold tables in { }");
+      if (!message_table(*table, given[i])) return;
+    }
+    *target = given;
+  }
+
  private:
   void object(const std::string& what) const { document_.object(field_.key, what); }
   void wrong_type(const std::string& wanted) const {
@@ -168,6 +181,8 @@ class Assignment {
         if (!signal_sum(value, given)) return false;
       } else if (key == "sign" || key == "valid") {
         if (!signal_name(value, key == "sign" ? given.sign : given.valid)) return false;
+      } else if (key == "valid_raw" || key == "invalid_raw") {
+        if (!raw_value(key.str(), value, key == "valid_raw" ? given.valid_raw : given.invalid_raw)) return false;
       } else if (key == "unit") {
         if (!text(value, given.unit)) return false;
       } else if (key == "scale") {
@@ -178,12 +193,54 @@ class Assignment {
         }
       } else {
         object("'" + std::string(key.str()) +
-               "' is not part of a signal; one of \"sum\", \"sign\", \"valid\", \"unit\", \"scale\"");
+               "' is not part of a signal; one of \"sum\", \"sign\", \"valid\", \"valid_raw\", \"invalid_raw\", "
+               "\"unit\", \"scale\"");
         return false;
       }
     }
+    if (given.valid_raw && given.valid.empty()) {
+      object("has 'valid_raw' without 'valid'; name the signal that it is a value of");
+      return false;
+    }
     if (given.sum.empty()) object("lacks 'sum'; name the signals to add up: sum = [\"Message.Signal\"]");
     return !given.sum.empty();
+  }
+
+  bool raw_value(std::string_view key, const toml::node& value, std::optional<std::int64_t>& given) const {
+    given = value.value<std::int64_t>();
+    if (value.is_integer() && given && *given >= 0) return true;
+    object("'" + std::string(key) + "' must be a whole number from 0, the bits as they are on the bus");
+    return false;
+  }
+
+  bool message_table(const toml::table& table, MessageSettings& given) const {
+    for (const auto& [key, value] : table) {
+      std::string kind;
+      if (key == "message" || key == "counter" || key == "checksum") {
+        std::string& name = key == "message" ? given.message : key == "counter" ? given.counter : given.checksum;
+        if (!text(value, name)) return false;
+      } else if (key == "kind") {
+        if (!text(value, kind)) return false;
+        const auto found = std::find(std::begin(kChecksumNames) + 1, std::end(kChecksumNames), kind);
+        if (found == std::end(kChecksumNames)) {
+          object("kind \"" + kind + "\" is not known; one of " + listed(std::span(kChecksumNames).subspan(1)));
+          return false;
+        }
+        given.kind = static_cast<ChecksumKind>(found - std::begin(kChecksumNames));
+      } else if (key == "timeout_ms") {
+        given.timeout_ms = value.value<double>().value_or(0.0);
+        if (!value.is_number() || !(given.timeout_ms >= 1 && given.timeout_ms <= 60000)) {
+          object("'timeout_ms' must be a number, 1 to 60000");
+          return false;
+        }
+      } else {
+        object("'" + std::string(key.str()) +
+               "' is not part of a message; one of \"message\", \"counter\", \"checksum\", \"kind\", \"timeout_ms\"");
+        return false;
+      }
+    }
+    if (given.message.empty()) object("lacks 'message'; name it as in the DBC");
+    return !given.message.empty();
   }
 
   bool signal_sum(const toml::node& value, SignalSettings& given) const {

@@ -47,8 +47,20 @@ std::string toml_signal(const SignalSettings& signal) {
   std::string text = "{ sum = " + toml_list(signal.sum);
   if (!signal.sign.empty()) text += ", sign = " + toml_string(signal.sign);
   if (!signal.valid.empty()) text += ", valid = " + toml_string(signal.valid);
+  if (signal.valid_raw) text += ", valid_raw = " + std::to_string(*signal.valid_raw);
+  if (signal.invalid_raw) text += ", invalid_raw = " + std::to_string(*signal.invalid_raw);
   if (!signal.unit.empty()) text += ", unit = " + toml_string(signal.unit);
   return text + ", scale = " + toml_number(signal.scale) + " }";
+}
+
+std::string toml_message(const MessageSettings& message) {
+  std::string text = "{ message = " + toml_string(message.message);
+  if (!message.counter.empty()) text += ", counter = " + toml_string(message.counter);
+  if (!message.checksum.empty()) text += ", checksum = " + toml_string(message.checksum);
+  if (message.kind != ChecksumKind::none)
+    text += ", kind = " + toml_string(kChecksumNames[static_cast<std::size_t>(message.kind)]);
+  if (message.timeout_ms > 0) text += ", timeout_ms = " + toml_number(message.timeout_ms);
+  return text + " }";
 }
 
 std::string toml_value(const FieldTarget& target) {
@@ -63,6 +75,11 @@ std::string toml_value(const FieldTarget& target) {
     std::string operator()(const std::vector<SignalSettings>* v) const {
       std::string text;
       for (const SignalSettings& signal : *v) text += (text.empty() ? "" : ", ") + toml_signal(signal);
+      return "[" + text + "]";
+    }
+    std::string operator()(const std::vector<MessageSettings>* v) const {
+      std::string text;
+      for (const MessageSettings& message : *v) text += (text.empty() ? "" : ", ") + toml_message(message);
       return "[" + text + "]";
     }
   } text_of;

@@ -68,7 +68,9 @@ void visit_fields(VehicleSettings& s, FieldList& field) {
       .is_required("\"vehicles/example.dbc\"");
   field("vehicle.steering_signal", s.steering_signal,
         "angle of the steering wheel, left positive: \"Message.Signal\", or { sum = [\"...\"], sign = \"...\", "
-        "unit = \"deg\", scale = 1.0 }; empty: not sent")
+        "valid = \"...\", valid_raw = 1, invalid_raw = 65535, unit = \"deg\", scale = 1.0 }, all but the sum optional "
+        "and of one message: negative while sign is not 0, used while valid is valid_raw (not told: not 0) and no "
+        "signal of the sum invalid_raw; empty: not sent")
       .is_required("\"SteeringSensor.SteeringWheelAngle\"");
   field("vehicle.wheel_speed_signals", s.wheel_speed_signals,
         "4: front left, right, rear left, right; 2: the two of an axle; 1: the vehicle; each written as the "
@@ -78,6 +80,12 @@ void visit_fields(VehicleSettings& s, FieldList& field) {
           "\"WheelSpeeds.RearRight\"]");
   field("vehicle.wheel_radius_m", s.wheel_radius_m, 0, 2,
         "rolling radius, for signals in rpm or rad/s; 0: none needed");
+  field(
+      "vehicle.messages", s.messages,
+      "how frames are checked: a list of { message = \"...\", counter = \"...\", checksum = \"...\", kind = \"...\", "
+      "timeout_ms = 100 }, signals of that message, all but its name optional; a wrong checksum drops the frame, a gap "
+      "of the counter and silence are counted; kind: toyota | honda | tesla | hyundai_canfd | vw_mqb; without "
+      "timeout_ms: five times the GenMsgCycleTime of the DBC");
 }
 
 void visit_fields(ImuSettings& s, FieldList& field) {
@@ -166,6 +174,9 @@ Field& FieldList::operator()(std::string key, SignalSettings& value, std::string
   return add(std::move(key), &value, 0, 0, std::move(meaning));
 }
 Field& FieldList::operator()(std::string key, std::vector<SignalSettings>& value, std::string meaning) {
+  return add(std::move(key), &value, 0, 0, std::move(meaning));
+}
+Field& FieldList::operator()(std::string key, std::vector<MessageSettings>& value, std::string meaning) {
   return add(std::move(key), &value, 0, 0, std::move(meaning));
 }
 

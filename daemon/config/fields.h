@@ -32,7 +32,7 @@ struct Choice {
 };
 
 using FieldTarget = std::variant<double*, int*, bool*, std::string*, std::filesystem::path*, Choice, SignalSettings*,
-                                 std::vector<SignalSettings>*>;
+                                 std::vector<SignalSettings>*, std::vector<MessageSettings>*>;
 
 /// One key of the configuration: all that the parser, the checks and the printed text need to know about it.
 struct Field {
@@ -68,6 +68,7 @@ class FieldList {
   Field& operator()(std::string key, std::filesystem::path& value, std::string meaning);
   Field& operator()(std::string key, SignalSettings& value, std::string meaning);
   Field& operator()(std::string key, std::vector<SignalSettings>& value, std::string meaning);
+  Field& operator()(std::string key, std::vector<MessageSettings>& value, std::string meaning);
   template <class E>
   requires std::is_enum_v<E> && std::same_as<std::underlying_type_t<E>, std::uint8_t> Field& operator()(
       std::string key, E& value, std::span<const char* const> names, std::string meaning) {

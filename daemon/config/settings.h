@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/pipeline/config.h"
+#include "drivers/can/checksum.h"
 
 namespace roadvec {
 
@@ -39,15 +40,25 @@ struct LidarSettings {
 };
 
 /// One quantity on the CAN bus: scale times the sum of the named signals, negated while `sign` is not 0, used while
-/// `valid` is not 0.
+/// `valid` is `valid_raw` (not told: not 0) and no signal of the sum is `invalid_raw`.
 struct SignalSettings {
   std::vector<std::string> sum;  ///< "Message.Signal", names of the DBC; empty: the car does not send this quantity
   std::string sign;              ///< may be empty
   std::string valid;             ///< may be empty
   std::string unit;              ///< empty: the one the DBC tells
   double scale = 1.0;
+  std::optional<std::int64_t> valid_raw, invalid_raw;  ///< bits as they are on the bus
 
   friend bool operator==(const SignalSettings&, const SignalSettings&) = default;
+};
+
+/// How the frames of one message are checked; names of its own signals, empty: not at all.
+struct MessageSettings {
+  std::string message, counter, checksum;
+  ChecksumKind kind = ChecksumKind::none;
+  double timeout_ms = 0;  ///< 0: five of the cycle times that the DBC tells
+
+  friend bool operator==(const MessageSettings&, const MessageSettings&) = default;
 };
 
 struct VehicleSettings {
@@ -58,6 +69,7 @@ struct VehicleSettings {
   std::vector<SignalSettings>
       wheel_speed_signals;    ///< 1: the vehicle; 2: rear left, right; 4: front left, right, rear left, right
   double wheel_radius_m = 0;  ///< 0: unknown; needed for signals in rpm or rad/s
+  std::vector<MessageSettings> messages;
 };
 
 enum class ImuProtocol : std::uint8_t { xsens, ncom, can };

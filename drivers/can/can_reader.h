@@ -15,6 +15,14 @@ enum class CanReadResult : std::uint8_t {
   failed,  ///< reading failed for a reason that waiting does not mend
 };
 
+/// Whether an interface gives frames.
+enum class CanState : std::uint8_t {
+  working,
+  bus_off,  ///< the controller has left the bus after too many errors, until it is restarted
+  down,
+  lost,  ///< removed; looked for by name
+};
+
 /// Everything that kept a frame from us, each under a name a user understands.
 struct CanCounters {
   std::uint64_t frame_count = 0;  ///< handed over, error and remote frames too
@@ -22,7 +30,8 @@ struct CanCounters {
   std::uint64_t error_frame_count = 0;  ///< of these: told by the controller about the bus, one or more classes each
   std::uint64_t bus_off_count = 0;
   std::uint64_t restarted_count = 0;
-  std::uint64_t controller_problem_count = 0;   ///< overflow, warning or passive state
+  std::uint64_t passive_count = 0;  ///< times that the controller told of many errors: warning or passive state
+  std::uint64_t controller_problem_count = 0;   ///< of its own, those of the line above too
   std::uint64_t controller_overflow_count = 0;  ///< of these: the controller lost a frame before the kernel had it
   std::uint64_t bus_error_count = 0;            ///< lost arbitration, protocol violation, no acknowledge, bus error
   std::uint64_t other_error_count = 0;          ///< transceiver, transmit time-out, error counters
@@ -35,6 +44,9 @@ struct CanCounters {
   std::uint64_t foreign_interface_count = 0;  ///< log: frames of an interface that was not asked for
   std::uint64_t bad_line_count = 0;           ///< log: lines that hold no frame
   std::uint64_t first_bad_line = 0;           ///< its number from 1; 0: none yet
+
+  CanState state = CanState::working;
+  std::uint64_t receive_buffer_bytes = 0;  ///< live: what the kernel grants
 };
 
 /// A source of frames: a bus, or a recording of one.

@@ -23,9 +23,9 @@ constexpr std::size_t kLongestStringBytes = 16384;
 
 // Statements that say nothing of where signals lie, each between blanks.
 constexpr std::string_view kPassedOver =
-    " VERSION NS_ NS_DESC_ BS_ BU_ CM_ CAT_ CAT_DEF_ FILTER EV_ EV_DATA_ ENVVAR_DATA_ VAL_ VAL_TABLE_ BA_ "
-    "BA_DEF_ BA_DEF_DEF_ BA_REL_ BA_DEF_REL_ BA_DEF_DEF_REL_ BA_SGTYPE_ BA_DEF_SGTYPE_ SGTYPE_ "
-    "SGTYPE_VAL_ SIGTYPE_VALTYPE_ SIG_TYPE_REF_ SIG_GROUP_ SG_MUL_VAL_ BO_TX_BU_ BU_SG_REL_ BU_EV_REL_ "
+    " VERSION NS_ NS_DESC_ BS_ BU_ CM_ CAT_ CAT_DEF_ FILTER EV_ EV_DATA_ ENVVAR_DATA_ VAL_ VAL_TABLE_ "
+    "BA_DEF_ BA_REL_ BA_DEF_REL_ BA_DEF_DEF_REL_ BA_SGTYPE_ BA_DEF_SGTYPE_ SGTYPE_ "
+    "SGTYPE_VAL_ SIGTYPE_VALTYPE_ SIG_TYPE_REF_ SIG_GROUP_ BO_TX_BU_ BU_SG_REL_ BU_EV_REL_ "
     "BU_BO_REL_ ";
 
 /// True when the line can only be the start of a statement. Ends a string that somebody forgot to close.
@@ -85,7 +85,7 @@ bool read_multiplexing(std::string_view word, DbcSignal& signal) {
   std::uint32_t value = 0;
   const auto [end, failed] = std::from_chars(word.data() + 1, word.data() + word.size(), value);
   if (failed != std::errc{} || end != word.data() + word.size()) return false;
-  signal.multiplex_value = value;
+  signal.multiplex_values = {{value, value}};
   return true;
 }
 
@@ -144,6 +144,9 @@ class Parser {
       text.remove_prefix(std::min(line.text.size() + 1, text.size()));
       line_ += 1 + static_cast<std::size_t>(std::count(line.text.begin(), line.text.end(), '\n'));
     }
+    for (DbcMessage& message : file_.messages) {
+      if (message.cycle_time_ms == 0) message.cycle_time_ms = default_cycle_time_ms_;
+    }
     return std::move(file_);
   }
 
@@ -158,6 +161,11 @@ class Parser {
       add_signal(cursor);
     } else if (word == "SIG_VALTYPE_") {
       read_value_type(cursor);
+    } else if (word == "SG_MUL_VAL_") {
+      read_multiplex_values(cursor);
+    } else if (word == "BA_" || word == "BA_DEF_DEF_") {
+      read_cycle_time(cursor, word == "BA_");
+      statement_open_ = line.find(';') == std::string_view::npos;
     } else if (is_passed_over(word)) {
       if (word == "CM_" && line.find("\"IMPORT ") != std::string_view::npos) {
         report("a template: the file it imports is not read; generate the full file first");
@@ -224,15 +232,59 @@ class Parser {
     signal->coding = type == 1 ? SignalCoding::float32 : SignalCoding::float64;
   }
 
-  DbcSignal* find(std::uint32_t id, std::string_view name) {
-    const CanId wanted{id & kExtendedMask, (id & kExtendedFlag) != 0 || id > kStandardMask};
-    for (DbcMessage& message : file_.messages) {
-      if (message.id != wanted) continue;
-      for (DbcSignal& signal : message.signals) {
-        if (signal.name == name) return &signal;
-      }
+  /// SG_MUL_VAL_ id signal selector 1-3, 5-5;
+  void read_multiplex_values(DbcCursor cursor) {
+    std::uint32_t id = 0;
+    if (cursor.at_end()) return;  // in the list of NS_
+    if (!cursor.take_number(id)) return report("SG_MUL_VAL_ without a message id; left out");
+    DbcSignal* signal = find(id, cursor.take_name());
+    const std::string_view selector = cursor.take_name();
+    if (signal == nullptr || find(id, selector) == nullptr) {
+      return report("SG_MUL_VAL_ of signals that the file does not have; left out");
     }
-    return nullptr;
+    std::vector<DbcRange> values;
+    do {
+      DbcRange range;
+      if (!cursor.take_number(range.first) || !cursor.take('-') || !cursor.take_number(range.last)) {
+        return report("SG_MUL_VAL_ is no list of first-last; left out");
+      }
+      values.push_back(range);
+    } while (cursor.take(','));
+    signal->selector = selector;
+    signal->multiplex_values = std::move(values);
+  }
+
+  /// BA_ "GenMsgCycleTime" BO_ id value; BA_DEF_DEF_ "GenMsgCycleTime" value; other attributes are passed over.
+  void read_cycle_time(DbcCursor cursor, bool of_message) {
+    std::string_view name;
+    if (!cursor.take('"') || !cursor.take_until('"', name) || name != "GenMsgCycleTime") return;
+    std::uint32_t id = 0;
+    std::uint32_t cycle_time_ms = 0;
+    if (of_message && (cursor.take_name() != "BO_" || !cursor.take_number(id))) {
+      return report("GenMsgCycleTime without a message id; left out");
+    }
+    if (!cursor.take_number(cycle_time_ms)) return report("GenMsgCycleTime is no number; left out");
+    if (!of_message) {
+      default_cycle_time_ms_ = cycle_time_ms;
+    } else if (DbcMessage* message = find(id)) {
+      message->cycle_time_ms = cycle_time_ms;
+    } else {
+      report("GenMsgCycleTime of a message that the file does not have; left out");
+    }
+  }
+
+  DbcMessage* find(std::uint32_t id) {
+    const CanId wanted{id & kExtendedMask, (id & kExtendedFlag) != 0 || id > kStandardMask};
+    const auto has_id = [&wanted](const DbcMessage& message) { return message.id == wanted; };
+    const auto found = std::find_if(file_.messages.begin(), file_.messages.end(), has_id);
+    return found == file_.messages.end() ? nullptr : &*found;
+  }
+  DbcSignal* find(std::uint32_t id, std::string_view name) {
+    DbcMessage* message = find(id);
+    if (message == nullptr) return nullptr;
+    const auto has_name = [name](const DbcSignal& signal) { return signal.name == name; };
+    const auto found = std::find_if(message->signals.begin(), message->signals.end(), has_name);
+    return found == message->signals.end() ? nullptr : &*found;
   }
 
   void report(std::string_view reason) {
@@ -246,6 +298,7 @@ class Parser {
   DbcFile file_;
   std::size_t line_ = 1;
   MessageState in_message_ = MessageState::none;
+  std::uint32_t default_cycle_time_ms_ = 0;
   bool statement_open_ = false;  ///< lists of nodes and value tables run on over lines until a semicolon
 };
 

@@ -2,7 +2,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -19,6 +18,11 @@ enum class ByteOrder : std::uint8_t {
 
 enum class SignalCoding : std::uint8_t { unsigned_integer, signed_integer, float32, float64 };
 
+/// Both ends belong to it.
+struct DbcRange {
+  std::uint64_t first = 0, last = 0;
+};
+
 struct DbcSignal {
   std::string name;
   std::uint16_t start_bit = 0;   ///< byte * 8 + bit, bit 0 = least significant of its byte; as written in the file
@@ -28,14 +32,16 @@ struct DbcSignal {
   double factor = 1.0;  ///< physical = raw * factor + offset
   double offset = 0.0;
   std::string unit;
-  bool is_selector = false;                      ///< "M" or "m3M": says which multiplexed signals a frame carries
-  std::optional<std::uint32_t> multiplex_value;  ///< "m3": present only while the selector's raw value is this
+  bool is_selector = false;                ///< "M" or "m3M": says which multiplexed signals a frame carries
+  std::vector<DbcRange> multiplex_values;  ///< "m3", SG_MUL_VAL_: present only while the selector's raw value is in one
+  std::string selector;                    ///< SG_MUL_VAL_: its name; "": the message's only plain selector, "M"
 };
 
 struct DbcMessage {
   CanId id;
   std::string name;
   std::uint8_t length_bytes = 0;
+  std::uint32_t cycle_time_ms = 0;  ///< attribute GenMsgCycleTime; 0: not told
   std::vector<DbcSignal> signals;
 };
 
@@ -52,8 +58,8 @@ struct DbcFile {
 };
 
 /// Messages and signals of a DBC text: a bad line costs itself and one diagnostic, never the file. Read without a word:
-/// names with a leading digit, missing zeros, colons and semicolons that nothing depends on. Value tables, attributes
-/// and comments are passed over. `name` is what diagnostics call the text. Pure.
+/// names with a leading digit, missing zeros, colons and semicolons that nothing depends on. Value tables, comments and
+/// attributes but the cycle time are passed over. `name` is what diagnostics call the text. Pure.
 [[nodiscard]] DbcFile parse_dbc(std::string_view text, std::string_view name);
 
 [[nodiscard]] Expected<DbcFile> load_dbc(const std::string& path);

@@ -43,31 +43,67 @@ std::uint64_t BitField::extract(const CanFrame& frame) const noexcept {
   return bits & mask;
 }
 
+void BitField::clear(CanFrame& frame) const noexcept {
+  for (unsigned i = 0; i < byte_count; ++i) {
+    const std::uint64_t bits = i == 0 ? mask << shift : mask >> (8 * i - shift);
+    const int byte = least_byte + static_cast<int>(i) * step;
+    std::uint8_t& data = frame.data[static_cast<std::size_t>(byte)];
+    data = static_cast<std::uint8_t>(data & ~bits);
+  }
+}
+
+namespace {
+
+/// What decides whether `signal` is in a frame; null: the file does not say.
+const DbcSignal* selector_of(const DbcMessage& message, const DbcSignal& signal) {
+  const DbcSignal* found = nullptr;
+  bool nested = false;
+  for (const DbcSignal& other : message.signals) {
+    if (!signal.selector.empty() && other.name == signal.selector) return &other;
+    if (other.is_selector && other.multiplex_values.empty()) found = &other;
+    nested = nested || (other.is_selector && !other.multiplex_values.empty());
+  }
+  // A selector that is itself selected can only depend on the plain one; of a signal beside it nobody knows.
+  return signal.selector.empty() && (!nested || signal.is_selector) ? found : nullptr;
+}
+
+}  // namespace
+
 Expected<SignalDecoder> SignalDecoder::create(const DbcMessage& message, const DbcSignal& signal) {
+  constexpr std::size_t kDeepest = 4;
   SignalDecoder decoder;
   decoder.bits_ = BitField::of(signal);
   decoder.coding_ = signal.coding;
   decoder.factor_ = signal.factor;
   decoder.offset_ = signal.offset;
-  if (!signal.multiplex_value) return decoder;
-  const auto is_plain_selector = [](const DbcSignal& s) { return s.is_selector && !s.multiplex_value; };
-  const auto is_nested_selector = [](const DbcSignal& s) { return s.is_selector && s.multiplex_value; };
-  const auto selector = std::find_if(message.signals.begin(), message.signals.end(), is_plain_selector);
-  if (selector == message.signals.end()) {
-    return fail("signal " + message.name + "." + signal.name + " is multiplexed, but its message has no selector");
+  for (const DbcSignal* gated = &signal; !gated->multiplex_values.empty();) {
+    const DbcSignal* selector = selector_of(message, *gated);
+    if (selector == nullptr || decoder.gates_.size() == kDeepest) {
+      return fail("signal " + message.name + "." + signal.name +
+                  " is multiplexed, but the file does not say by which selector (M, or SG_MUL_VAL_)");
+    }
+    decoder.gates_.push_back({BitField::of(*selector), gated->multiplex_values});
+    gated = selector;
   }
-  if (std::any_of(message.signals.begin(), message.signals.end(), is_nested_selector)) {
-    return fail("signal " + message.name + "." + signal.name + " uses extended multiplexing, which is not supported");
-  }
-  decoder.multiplexed_ = true;
-  decoder.selector_ = BitField::of(*selector);
-  decoder.selector_value_ = *signal.multiplex_value;
   return decoder;
+}
+
+bool SignalDecoder::Gate::open(const CanFrame& frame) const noexcept {
+  const std::uint64_t value = selector.extract(frame);
+  return std::any_of(values.begin(), values.end(),
+                     [value](const DbcRange& range) { return value >= range.first && value <= range.last; });
+}
+
+bool SignalDecoder::fits(const CanFrame& frame) const noexcept {
+  return bits_.fits(frame) &&
+         std::all_of(gates_.begin(), gates_.end(), [&frame](const Gate& gate) { return gate.selector.fits(frame); });
 }
 
 std::optional<std::uint64_t> SignalDecoder::raw(const CanFrame& frame) const noexcept {
   if (!fits(frame)) return std::nullopt;
-  if (multiplexed_ && selector_.extract(frame) != selector_value_) return std::nullopt;
+  if (!std::all_of(gates_.begin(), gates_.end(), [&frame](const Gate& gate) { return gate.open(frame); })) {
+    return std::nullopt;
+  }
   return bits_.extract(frame);
 }
 

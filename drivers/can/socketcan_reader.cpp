@@ -41,6 +41,12 @@ Expected<std::unique_ptr<SocketCanReader>> SocketCanReader::open(const std::stri
   return std::unique_ptr<SocketCanReader>(new SocketCanReader(interface, ids, system, *fd));
 }
 
+SocketCanReader::SocketCanReader(const std::string& interface, std::span<const CanId> ids, const CanSystem& system,
+                                 int fd)
+    : interface_(interface), ids_(ids.begin(), ids.end()), system_(system) {
+  use(fd);
+}
+
 SocketCanReader::~SocketCanReader() { close(); }
 
 std::string_view SocketCanReader::interface_name(std::uint8_t interface) const noexcept {
@@ -59,6 +65,16 @@ CanReadResult SocketCanReader::read(CanFrame& frame, std::chrono::milliseconds t
   return receive(frame);
 }
 
+void SocketCanReader::use(int fd) noexcept {
+  fd_ = fd;
+  socket_drops_ = 0;
+  int bytes = 0;
+  socklen_t size = sizeof bytes;
+  if (::getsockopt(fd, SOL_SOCKET, SO_RCVBUF, &bytes, &size) == 0)
+    counters_.receive_buffer_bytes = static_cast<std::uint64_t>(bytes);
+  counters_.state = CanState::working;
+}
+
 void SocketCanReader::wait_and_reopen(std::chrono::milliseconds timeout) noexcept {
   // At least 1 ms, so that a caller who never waits does not spin and gets its device back too.
   const std::chrono::milliseconds pause = std::max(timeout, std::chrono::milliseconds{1});
@@ -66,8 +82,7 @@ void SocketCanReader::wait_and_reopen(std::chrono::milliseconds timeout) noexcep
   if (!backoff_.due_after(pause)) return;
   const Expected<int> fd = system_.open(interface_, ids_);
   if (!fd) return;
-  fd_ = *fd;
-  socket_drops_ = 0;
+  use(*fd);
   backoff_.reset();
   ++counters_.reopened_count;
 }
@@ -90,7 +105,11 @@ CanReadResult SocketCanReader::receive(CanFrame& frame) noexcept {
     return CanReadResult::quiet;
   }
   ++counters_.frame_count;
-  if (frame.error) count_error_frame(frame, counters_);
+  if (frame.error) {
+    count_error_frame(frame, counters_);
+  } else {
+    counters_.state = CanState::working;  // a controller that was restarted by hand may not say so
+  }
   return CanReadResult::frame;
 }
 
@@ -123,10 +142,12 @@ CanReadResult SocketCanReader::on_error(int error) noexcept {
       return CanReadResult::quiet;
     case ENETDOWN:  // told once; the socket stays bound and delivers again when the interface is up
       ++counters_.interface_down_count;
+      counters_.state = CanState::down;
       return CanReadResult::quiet;
     case ENODEV:
     case ENXIO:  // told once; the kernel has unbound the socket for good
       ++counters_.interface_lost_count;
+      counters_.state = CanState::lost;
       close();
       return CanReadResult::quiet;
     default:

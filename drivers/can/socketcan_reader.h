@@ -44,8 +44,8 @@ class SocketCanReader : public CanReader {
   [[nodiscard]] const CanCounters& counters() const noexcept override { return counters_; }
 
  private:
-  SocketCanReader(const std::string& interface, std::span<const CanId> ids, const CanSystem& system, int fd)
-      : interface_(interface), ids_(ids.begin(), ids.end()), system_(system), fd_(fd) {}
+  SocketCanReader(const std::string& interface, std::span<const CanId> ids, const CanSystem& system, int fd);
+  void use(int fd) noexcept;
   void wait_and_reopen(std::chrono::milliseconds timeout) noexcept;
   [[nodiscard]] CanReadResult receive(CanFrame& frame) noexcept;
   [[nodiscard]] CanReadResult on_error(int error) noexcept;
@@ -55,7 +55,7 @@ class SocketCanReader : public CanReader {
   std::string interface_;
   std::vector<CanId> ids_;
   CanSystem system_;
-  int fd_;
+  int fd_ = -1;
   std::uint32_t socket_drops_ = 0;  ///< the socket's own count, of which counters_ has already taken note
   Backoff backoff_;
   CanCounters counters_;

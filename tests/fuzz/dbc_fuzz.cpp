@@ -27,9 +27,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         ENSURE(!decoder->physical(frame) || has_raw);
       }
       const std::string name = message.name + "." + signal.name;
-      Expected<MotionDecoder> motion =
-          MotionDecoder::create(file, {.steering = {.sum = {name}, .sign = "", .scale = 1.0, .unit = "deg"},
-                                       .wheel_speeds = {{.sum = {name}, .sign = "", .scale = 1.0, .unit = "km/h"}}});
+      VehicleSignals signals;
+      signals.steering.sum = {name};
+      signals.steering.unit = "deg";
+      signals.steering.valid = name;
+      signals.wheel_speeds.emplace_back().sum = {name};
+      signals.wheel_speeds[0].unit = "km/h";
+      signals.messages.push_back({message.name, signal.name, signal.name, ChecksumKind::hyundai_canfd, 0.0});
+      Expected<MotionDecoder> motion = MotionDecoder::create(file, signals);
       if (!motion) continue;
       frame.id = motion->ids()[0].id;
       frame.extended = motion->ids()[0].extended;

@@ -52,9 +52,12 @@ class VcanTest(ProgramTest):
             self.assertEqual(counters["samples"], expected)
             self.assertEqual((counters["can_kernel_drops"], counters["ring_full"]), (0, 0))
             self.shell("cansend vcan0 20000040#0000000000000000")
-            self.wait_until("bus-off", lambda: self.vehicle()[0]["can_bus_off"] == 1)
+            self.wait_until("bus-off", lambda: "bus-off" in self.vehicle()[1])
+            self.shell("cansend vcan0 20000100#0000000000000000")
+            self.wait_until("the restart", lambda: self.vehicle()[0]["can_restarted"] == 1)
+            self.assertEqual(self.vehicle()[1], "receiving")
             self.shell("ip link set vcan0 down")
-            self.wait_until("the interface is down", lambda: self.vehicle()[0]["can_interface_down"] == 1)
+            self.wait_until("the interface is down", lambda: "is down" in self.vehicle()[1])
             self.assertIsNone(daemon.poll())
 
 

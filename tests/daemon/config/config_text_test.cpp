@@ -42,12 +42,22 @@ Settings changed_everywhere() {
     void operator()(fs::path* v) { *v = "/dev/null"; }
     void operator()(const Choice& v) { *v.value = static_cast<std::uint8_t>(v.names.size() - 1); }
     void operator()(SignalSettings* v) {
-      *v = {.sum = {"A.B", "C.D"}, .sign = "E.F", .valid = "G.H", .unit = "km/h", .scale = -1e-7};
+      *v = {.sum = {"A.B", "C.D"},
+            .sign = "E.F",
+            .valid = "G.H",
+            .unit = "km/h",
+            .scale = -1e-7,
+            .valid_raw = 3,
+            .invalid_raw = 65535};
     }
     void operator()(std::vector<SignalSettings>* v) {
       v->resize(2);
       v->front().sum = {"A.B"};
       v->back().sum = {"A.C", "A.D"};
+    }
+    void operator()(std::vector<MessageSettings>* v) {
+      *v = {{.message = "A", .counter = "B", .checksum = "C", .kind = ChecksumKind::honda, .timeout_ms = 12.5},
+            {.message = "D", .counter = "", .checksum = "", .kind = ChecksumKind::none, .timeout_ms = 0}};
     }
   } change;
   for (const Field& field : fields_of(settings)) {

@@ -135,13 +135,33 @@ TEST_F(Config, a_drive_takes_the_rest_from_a_configuration_file) {
 
 TEST_F(Config, signals_may_be_sums_with_sign_validity_and_scale) {
   std::string text = kCar;
-  text.replace(text.find("\"SteeringSensor.SteeringWheelAngle\""), 35,
-               R"({ sum = ["S.ANGLE", "S.FRACTION"], sign = "S.LEFT", valid = "S.OK", unit = "rad", scale = -0.5 })");
+  text.replace(
+      text.find("\"SteeringSensor.SteeringWheelAngle\""), 35,
+      R"({ sum = ["S.ANGLE", "S.FRACTION"], sign = "S.LEFT", valid = "S.OK", valid_raw = 3, invalid_raw = 0, unit = "rad", scale = -0.5 })");
   const auto settings = parse(text);
   ASSERT_TRUE(settings) << settings.error().message;
-  EXPECT_EQ(settings->vehicle->steering_signal,
-            (SignalSettings{
-                .sum = {"S.ANGLE", "S.FRACTION"}, .sign = "S.LEFT", .valid = "S.OK", .unit = "rad", .scale = -0.5}));
+  EXPECT_EQ(settings->vehicle->steering_signal, (SignalSettings{.sum = {"S.ANGLE", "S.FRACTION"},
+                                                                .sign = "S.LEFT",
+                                                                .valid = "S.OK",
+                                                                .unit = "rad",
+                                                                .scale = -0.5,
+                                                                .valid_raw = 3,
+                                                                .invalid_raw = 0}));
+}
+
+TEST_F(Config, messages_may_be_checked_by_counter_checksum_and_time_out) {
+  const auto settings = parse(std::string(kCar) +
+                              R"(messages = [{ message = "A", counter = "COUNTER", checksum = "SUM", kind = "toyota" },
+                                             { message = "B", timeout_ms = 50 }])");
+  ASSERT_TRUE(settings) << settings.error().message;
+  MessageSettings a, b;
+  a.message = "A";
+  a.counter = "COUNTER";
+  a.checksum = "SUM";
+  a.kind = ChecksumKind::toyota;
+  b.message = "B";
+  b.timeout_ms = 50;
+  EXPECT_THAT(settings->vehicle->messages, testing::ElementsAre(a, b));
 }
 
 TEST_F(Config, a_fifo_takes_the_place_of_the_can_interface) {
@@ -236,6 +256,16 @@ INSTANTIATE_TEST_SUITE_P(
         Fault{"long_interface", "can0", "a_very_long_interface",
               "f.toml:13: key 'vehicle.can': \"a_very_long_interface\" is too long"},
         Fault{"control_character", "can0", "can\\u0000", "f.toml:13: key 'vehicle.can': holds a control character"},
+        Fault{"valid_raw_of_nothing", "\"SteeringSensor.SteeringWheelAngle\"", "{ sum = [\"A.B\"], valid_raw = 1 }",
+              "key 'vehicle.steering_signal': has 'valid_raw' without 'valid'"},
+        Fault{"negative_raw", "\"SteeringSensor.SteeringWheelAngle\"", "{ sum = [\"A.B\"], invalid_raw = -1 }",
+              "'invalid_raw' must be a whole number from 0"},
+        Fault{"unknown_kind", "", "messages = [{ message = \"A\", kind = \"crc\" }]\n",
+              "key 'vehicle.messages': kind \"crc\" is not known; one of \"toyota\", \"honda\""},
+        Fault{"message_without_name", "", "messages = [{ timeout_ms = 50 }]\n", "lacks 'message'"},
+        Fault{"message_time_out", "", "messages = [{ message = \"A\", timeout_ms = 0 }]\n", "1 to 60000"},
+        Fault{"message_key", "", "messages = [{ message = \"A\", time = 1 }]\n", "'time' is not part of a message"},
+        Fault{"message_text", "", "messages = [\"A\"]\n", "holds a text; must hold tables"},
         Fault{"drive_only", "z_m = 1.73", "z_m = 1.73\npcap = \"lidar.pcap\"",
               "f.toml:6: key 'lidar.pcap': belongs into the drive.toml"},
         Fault{"no_signal_name", "SteeringSensor.SteeringWheelAngle", "Steering",

@@ -95,12 +95,40 @@ TEST(Dbc, multiplexing_is_read_in_its_three_forms) {
   ASSERT_EQ(file.messages.at(0).signals.size(), 3U);
   const auto& signals = file.messages[0].signals;
   EXPECT_TRUE(signals[0].is_selector);
-  EXPECT_FALSE(signals[0].multiplex_value);
+  EXPECT_TRUE(signals[0].multiplex_values.empty());
   EXPECT_FALSE(signals[1].is_selector);
-  EXPECT_EQ(signals[1].multiplex_value, 3U);
+  EXPECT_EQ(signals[1].multiplex_values.at(0).last, 3U);
   EXPECT_TRUE(signals[2].is_selector);
-  EXPECT_EQ(signals[2].multiplex_value, 12U);
+  EXPECT_EQ(signals[2].multiplex_values.at(0).first, 12U);
   EXPECT_EQ(file.diagnostics.size(), 1U);
+}
+
+TEST(Dbc, extended_multiplexing_names_the_selector_and_the_ranges_of_its_values) {
+  const DbcFile file = parse(
+      "BO_ 1 A: 8 X\n"
+      " SG_ Outer M : 0|4@1+ (1,0) [0|1] \"\" X\n"
+      " SG_ Inner m3M : 4|4@1+ (1,0) [0|1] \"\" X\n"
+      " SG_ Part m1 : 8|8@1+ (1,0) [0|1] \"\" X\n"
+      "SG_MUL_VAL_ 1 Inner Outer 3-3;\nSG_MUL_VAL_ 1 Part Inner 1-3, 5-5 ;\n"
+      "SG_MUL_VAL_ 1 Part Nobody 1-3;\nSG_MUL_VAL_ 1 Part Inner 1;\nSG_MUL_VAL_ Part;\n");
+  const auto& signals = file.messages.at(0).signals;
+  EXPECT_EQ(signals.at(1).selector, "Outer");
+  EXPECT_EQ(signals.at(2).selector, "Inner");
+  ASSERT_EQ(signals[2].multiplex_values.size(), 2U);
+  EXPECT_EQ(signals[2].multiplex_values[0].last, 3U);
+  EXPECT_EQ(signals[2].multiplex_values[1].first, 5U);
+  EXPECT_EQ(file.diagnostics.size(), 3U);
+}
+
+TEST(Dbc, the_cycle_time_is_the_messages_own_or_the_files_default) {
+  const DbcFile file = parse(
+      "BO_ 1 A: 8 X\nBO_ 2147483650 B: 8 X\n"
+      "BA_DEF_ BO_  \"GenMsgCycleTime\" INT 0 65535;\nBA_DEF_DEF_  \"GenMsgCycleTime\" 100;\n"
+      "BA_DEF_DEF_ \"Other\" \"text\";\nBA_ \"GenMsgCycleTime\" BO_ 2147483650 20;\n"
+      "BA_ \"GenMsgCycleTime\" BO_ 9 20;\nBA_ \"GenMsgCycleTime\" SG_ 1 S 20;\n");
+  EXPECT_EQ(file.messages.at(0).cycle_time_ms, 100U);
+  EXPECT_EQ(file.messages.at(1).cycle_time_ms, 20U);
+  EXPECT_EQ(file.diagnostics.size(), 2U);
 }
 
 TEST(Dbc, floats_are_told_apart_by_their_value_type_with_or_without_colon) {
@@ -159,7 +187,7 @@ TEST(Dbc, comments_without_their_object_and_value_tables_are_passed_over) {
   const DbcFile file = parse(
       "BO_ 1 A: 8 X\n SG_ S : 0|8@1+ (1,0) [0|1] \"\" X\n"
       "CM_ SG_ 1 \"no signal\";\nCM_ 145 \"no object\";\nVAL_ 1 S 1 \"one\" 2 \"two\"\nVAL_ 1 S 0 \"a\"\n 1 \"b\" ;\n"
-      "VAL_TABLE_ T 0 \"x\" ;\nBA_ \"GenMsgCycleTime\" BO_ 1 10;\nSG_MUL_VAL_ 1 S M 1-3;\n");
+      "VAL_TABLE_ T 0 \"x\" ;\nBA_ \"GenSigStartValue\" SG_ 1 S 10;\nBA_ \"VFrameFormat\" BO_ 1 14;\n");
   EXPECT_TRUE(file.diagnostics.empty());
   EXPECT_EQ(only_signal(file).name, "S");
 }

@@ -39,7 +39,11 @@ const DbcFile& car() {
   return file;
 }
 
-SignalExpression of(const std::string& name) { return {.sum = {name}, .sign = "", .scale = 1.0, .unit = ""}; }
+SignalExpression of(const std::string& name) {
+  SignalExpression expression;
+  expression.sum = {name};
+  return expression;
+}
 
 CanFrame frame_of(CanId id, std::int64_t ns, std::initializer_list<unsigned> bytes) {
   CanFrame frame;
@@ -66,7 +70,7 @@ std::string error_of(const VehicleSignals& signals) {
 }
 
 double steering(const SignalExpression& expression, const CanFrame& frame) {
-  MotionDecoder decoder = decoder_of({.steering = expression, .wheel_speeds = {}});
+  MotionDecoder decoder = decoder_of({.steering = expression, .wheel_speeds = {}, .messages = {}});
   const auto samples = decoder.decode(frame);
   EXPECT_EQ(samples.size(), 1U);
   EXPECT_EQ(samples[0].time, frame.time);
@@ -79,12 +83,14 @@ WheelSpeed wheel_speed(const std::span<const MotionSample>& samples) {
 }
 
 TEST(MotionDecoder, the_steering_angle_is_a_sum_in_radians) {
-  const SignalExpression sum{.sum = {"Steer.Coarse", "Steer.Fine"}, .sign = "", .scale = 1.0, .unit = ""};
+  SignalExpression sum = of("Steer.Coarse");
+  sum.sum.push_back("Steer.Fine");
   EXPECT_DOUBLE_EQ(steering(sum, frame_of(kSteer, 5, {10, 0x0F, 0, 0})), rad_from_deg(14.9));
 }
 
 TEST(MotionDecoder, a_sign_signal_and_a_scale_turn_the_direction) {
-  SignalExpression signed_angle{.sum = {"Steer.Coarse"}, .sign = "Steer.Right", .scale = 1.0, .unit = ""};
+  SignalExpression signed_angle = of("Steer.Coarse");
+  signed_angle.sign = "Steer.Right";
   EXPECT_DOUBLE_EQ(steering(signed_angle, frame_of(kSteer, 0, {10, 0x00, 0, 0})), rad_from_deg(15));
   EXPECT_DOUBLE_EQ(steering(signed_angle, frame_of(kSteer, 0, {10, 0x10, 0, 0})), rad_from_deg(-15));
   signed_angle.scale = -1.0;
@@ -93,13 +99,14 @@ TEST(MotionDecoder, a_sign_signal_and_a_scale_turn_the_direction) {
 
 TEST(MotionDecoder, radians_stay_and_a_configured_unit_overrides_the_files) {
   EXPECT_DOUBLE_EQ(steering(of("Steer.Radians"), frame_of(kSteer, 0, {0, 0, 50, 0})), 0.5);
-  const SignalExpression turned{.sum = {"Steer.Right"}, .sign = "", .scale = 1.0, .unit = "deg"};
+  SignalExpression turned = of("Steer.Right");
+  turned.unit = "deg";
   EXPECT_DOUBLE_EQ(steering(turned, frame_of(kSteer, 0, {0, 0x10, 0, 0})), rad_from_deg(1));
 }
 
 TEST(MotionDecoder, wheel_speeds_of_several_messages_become_one_sample_when_all_have_come_anew) {
-  MotionDecoder decoder =
-      decoder_of({.steering = {}, .wheel_speeds = {of("Front.FL"), of("Front.FR"), of("Rear.RL"), of("Rear.RR")}});
+  MotionDecoder decoder = decoder_of(
+      {.steering = {}, .wheel_speeds = {of("Front.FL"), of("Front.FR"), of("Rear.RL"), of("Rear.RR")}, .messages = {}});
   EXPECT_THAT(decoder.ids(), testing::ElementsAre(kFront, kRear));
   EXPECT_TRUE(decoder.decode(frame_of(kFront, 10, {5, 6})).empty());
   EXPECT_TRUE(decoder.decode(frame_of(kFront, 20, {7, 8})).empty());
@@ -115,16 +122,17 @@ TEST(MotionDecoder, wheel_speeds_of_several_messages_become_one_sample_when_all_
 }
 
 TEST(MotionDecoder, fewer_wheel_speeds_are_repeated) {
-  MotionDecoder one = decoder_of({.steering = {}, .wheel_speeds = {of("Rear.RL")}});
+  MotionDecoder one = decoder_of({.steering = {}, .wheel_speeds = {of("Rear.RL")}, .messages = {}});
   EXPECT_DOUBLE_EQ(wheel_speed(one.decode(frame_of(kRear, 0, {9, 0, 0, 0}))).front_right_mps, 9.0);
-  MotionDecoder two = decoder_of({.steering = {}, .wheel_speeds = {of("Front.FL"), of("Front.FR")}});
+  MotionDecoder two = decoder_of({.steering = {}, .wheel_speeds = {of("Front.FL"), of("Front.FR")}, .messages = {}});
   const WheelSpeed axle = wheel_speed(two.decode(frame_of(kFront, 0, {5, 6})));
   EXPECT_DOUBLE_EQ(axle.rear_left_mps, 5.0);
   EXPECT_DOUBLE_EQ(axle.rear_right_mps, 6.0);
 }
 
 TEST(MotionDecoder, turning_rates_become_speeds_by_the_wheel_radius) {
-  VehicleSignals signals{.steering = {}, .wheel_speeds = {of("Rear.Rate"), of("Rear.Turns")}, .wheel_radius_m = 0.3};
+  VehicleSignals signals{
+      .steering = {}, .wheel_speeds = {of("Rear.Rate"), of("Rear.Turns")}, .wheel_radius_m = 0.3, .messages = {}};
   MotionDecoder decoder = decoder_of(signals);
   const WheelSpeed speed = wheel_speed(decoder.decode(frame_of(kRear, 0, {0, 0, 10, 60})));
   EXPECT_DOUBLE_EQ(speed.front_left_mps, 3.0);
@@ -136,12 +144,12 @@ TEST(MotionDecoder, turning_rates_become_speeds_by_the_wheel_radius) {
 TEST(MotionDecoder, one_message_may_give_both_kinds_of_sample) {
   SignalExpression speed = of("Steer.Right");
   speed.unit = "m/s";
-  MotionDecoder decoder = decoder_of({.steering = of("Steer.Coarse"), .wheel_speeds = {speed}});
+  MotionDecoder decoder = decoder_of({.steering = of("Steer.Coarse"), .wheel_speeds = {speed}, .messages = {}});
   EXPECT_EQ(decoder.decode(frame_of(kSteer, 0, {1, 0x10, 0, 0})).size(), 2U);
 }
 
 TEST(MotionDecoder, short_frames_are_counted_and_other_frames_ignored) {
-  MotionDecoder decoder = decoder_of({.steering = of("Steer.Radians"), .wheel_speeds = {}});
+  MotionDecoder decoder = decoder_of({.steering = of("Steer.Radians"), .wheel_speeds = {}, .messages = {}});
   EXPECT_TRUE(decoder.decode(frame_of(kSteer, 0, {1, 2})).empty());
   EXPECT_EQ(decoder.counters().short_frame_count, 1U);
   CanFrame frame = frame_of(kSteer, 0, {0, 0, 1, 0});
@@ -155,20 +163,85 @@ TEST(MotionDecoder, short_frames_are_counted_and_other_frames_ignored) {
   EXPECT_EQ(decoder.counters().steering_count, 0U);
 }
 
+TEST(MotionDecoder, a_value_is_used_while_its_validity_signal_says_so) {
+  VehicleSignals signals;
+  signals.steering = of("Steer.Coarse");
+  signals.steering.valid = "Steer.Right";
+  MotionDecoder decoder = decoder_of(signals);
+  EXPECT_TRUE(decoder.decode(frame_of(kSteer, 0, {10, 0x00, 0, 0})).empty());
+  EXPECT_EQ(decoder.decode(frame_of(kSteer, 0, {10, 0x10, 0, 0})).size(), 1U);
+  EXPECT_EQ(decoder.counters().not_valid_count, 1U);
+
+  signals.steering.valid_raw = 0;  // a quality bit that is set when the value is bad
+  MotionDecoder inverse = decoder_of(signals);
+  EXPECT_EQ(inverse.decode(frame_of(kSteer, 0, {10, 0x00, 0, 0})).size(), 1U);
+  EXPECT_TRUE(inverse.decode(frame_of(kSteer, 0, {10, 0x10, 0, 0})).empty());
+  EXPECT_TRUE(inverse.decode(frame_of(kSteer, 0, {10})).empty());
+  EXPECT_EQ(inverse.counters().not_valid_count, 1U);
+  EXPECT_EQ(inverse.counters().short_frame_count, 1U);
+
+  signals.steering.valid = "Front.FL";
+  EXPECT_THAT(error_of(signals), HasSubstr("valid: signal 'Front.FL' is of another message"));
+}
+
+TEST(MotionDecoder, a_raw_value_that_stands_for_none_gives_no_sample) {
+  VehicleSignals signals;
+  signals.wheel_speeds = {of("Front.FL"), of("Front.FR")};
+  signals.wheel_speeds[1].invalid_raw = 0xFF;
+  MotionDecoder decoder = decoder_of(signals);
+  EXPECT_TRUE(decoder.decode(frame_of(kFront, 0, {0xFF, 0xFF})).empty());
+  EXPECT_EQ(decoder.decode(frame_of(kFront, 0, {0xFF, 0xFE})).size(), 1U);
+  EXPECT_EQ(decoder.counters().invalid_value_count, 1U);
+}
+
+TEST(MotionDecoder, what_a_silent_message_said_last_is_not_put_beside_new_values) {
+  VehicleSignals signals;
+  signals.wheel_speeds = {of("Front.FL"), of("Front.FR"), of("Rear.RL"), of("Rear.RR")};
+  signals.messages.emplace_back().message = "Front";
+  signals.messages[0].timeout_s = 0.1;
+  MotionDecoder decoder = decoder_of(signals);
+  EXPECT_TRUE(decoder.decode(frame_of(kFront, 0, {5, 6})).empty());
+  EXPECT_TRUE(decoder.decode(frame_of(kRear, 100'000'001, {7, 8, 0, 0})).empty());
+  EXPECT_EQ(decoder.counters().messages.timeout_count, 1U);
+  EXPECT_TRUE(decoder.decode(frame_of(kRear, 200'000'002, {7, 8, 0, 0})).empty());
+  EXPECT_EQ(decoder.counters().messages.timeout_count, 1U) << "told once";
+  EXPECT_EQ(decoder.decode(frame_of(kFront, 200'000'003, {5, 6})).size(), 1U);
+}
+
+TEST(MotionDecoder, five_cycle_times_of_the_file_are_a_time_out_unless_another_is_set) {
+  const DbcFile file = parse_dbc(std::string(kCar) + "BA_ \"GenMsgCycleTime\" BO_ 1 10;\n", "car.dbc");
+  VehicleSignals signals;
+  signals.steering = of("Steer.Coarse");
+  signals.wheel_speeds = {of("Front.FL")};
+  MotionDecoder decoder = *MotionDecoder::create(file, signals);
+  EXPECT_EQ(decoder.decode(frame_of(kSteer, 0, {1, 0, 0, 0})).size(), 1U);
+  EXPECT_EQ(decoder.decode(frame_of(kFront, 50'000'000, {5, 6})).size(), 1U);
+  EXPECT_EQ(decoder.counters().messages.timeout_count, 0U);
+  EXPECT_EQ(decoder.decode(frame_of(kFront, 50'000'001, {5, 6})).size(), 1U);
+  EXPECT_EQ(decoder.counters().messages.timeout_count, 1U);
+}
+
 TEST(MotionDecoder, what_cannot_be_decoded_is_refused_with_the_reason) {
-  EXPECT_THAT(error_of({.steering = of("Steer.Corse"), .wheel_speeds = {}}), HasSubstr("near it: Coarse"));
-  EXPECT_THAT(error_of({.steering = of("Ster.Coarse"), .wheel_speeds = {}}), HasSubstr("near it: Steer"));
-  EXPECT_THAT(error_of({.steering = of("Steer.Right"), .wheel_speeds = {}}), HasSubstr("deg or rad"));
-  EXPECT_THAT(error_of({.steering = {}, .wheel_speeds = {of("Steer.Coarse")}}), HasSubstr("km/h"));
-  EXPECT_THAT(error_of({.steering = {}, .wheel_speeds = {}}), HasSubstr("neither"));
-  EXPECT_THAT(error_of({.steering = {}, .wheel_speeds = std::vector<SignalExpression>(5, of("Front.FL"))}),
-              HasSubstr("more than four"));
-  const SignalExpression two_messages{.sum = {"Steer.Coarse", "Front.FL"}, .sign = "", .scale = 1.0, .unit = "deg"};
-  EXPECT_THAT(error_of({.steering = two_messages, .wheel_speeds = {}}), HasSubstr("one message"));
-  const SignalExpression two_units{.sum = {"Steer.Coarse", "Steer.Radians"}, .sign = "", .scale = 1.0, .unit = ""};
-  EXPECT_THAT(error_of({.steering = two_units, .wheel_speeds = {}}), HasSubstr("one unit"));
-  const SignalExpression far_sign{.sum = {"Steer.Coarse"}, .sign = "Front.FL", .scale = 1.0, .unit = ""};
-  EXPECT_THAT(error_of({.steering = far_sign, .wheel_speeds = {}}), HasSubstr("another message"));
+  EXPECT_THAT(error_of({.steering = of("Steer.Corse"), .wheel_speeds = {}, .messages = {}}),
+              HasSubstr("near it: Coarse"));
+  EXPECT_THAT(error_of({.steering = of("Ster.Coarse"), .wheel_speeds = {}, .messages = {}}),
+              HasSubstr("near it: Steer"));
+  EXPECT_THAT(error_of({.steering = of("Steer.Right"), .wheel_speeds = {}, .messages = {}}), HasSubstr("deg or rad"));
+  EXPECT_THAT(error_of({.steering = {}, .wheel_speeds = {of("Steer.Coarse")}, .messages = {}}), HasSubstr("km/h"));
+  EXPECT_THAT(error_of({.steering = {}, .wheel_speeds = {}, .messages = {}}), HasSubstr("neither"));
+  EXPECT_THAT(
+      error_of({.steering = {}, .wheel_speeds = std::vector<SignalExpression>(5, of("Front.FL")), .messages = {}}),
+      HasSubstr("more than four"));
+  SignalExpression two_messages = of("Steer.Coarse");
+  two_messages.sum.push_back("Front.FL");
+  two_messages.unit = "deg";
+  EXPECT_THAT(error_of({.steering = two_messages, .wheel_speeds = {}, .messages = {}}), HasSubstr("one message"));
+  SignalExpression two_units = of("Steer.Coarse");
+  two_units.sum.push_back("Steer.Radians");
+  EXPECT_THAT(error_of({.steering = two_units, .wheel_speeds = {}, .messages = {}}), HasSubstr("one unit"));
+  SignalExpression far_sign = of("Steer.Coarse");
+  far_sign.sign = "Front.FL";
+  EXPECT_THAT(error_of({.steering = far_sign, .wheel_speeds = {}, .messages = {}}), HasSubstr("another message"));
 }
 
 /// A row as the reference was written: seconds with six decimals, values with six decimals.

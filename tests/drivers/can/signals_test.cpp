@@ -87,13 +87,35 @@ TEST(SignalDecoder, a_multiplexed_signal_is_there_only_while_its_selector_says_s
   EXPECT_FALSE(decoder_of(file).fits(frame_of({77})));
 }
 
-TEST(SignalDecoder, extended_multiplexing_and_a_missing_selector_are_refused) {
-  const DbcFile nested = message_with(
-      " SG_ M1 M : 0|8@1+ (1,0) [0|1] \"\" X\n SG_ M2 m1M : 8|8@1+ (1,0) [0|1] \"\" X\n"
-      " SG_ P m2 : 16|8@1+ (1,0) [0|1] \"\" X\n");
-  EXPECT_FALSE(SignalDecoder::create(nested.messages[0], nested.messages[0].signals[2]));
-  const DbcFile orphan = message_with(" SG_ P m2 : 0|8@1+ (1,0) [0|1] \"\" X\n");
-  EXPECT_FALSE(SignalDecoder::create(orphan.messages[0], orphan.messages[0].signals[0]));
+TEST(SignalDecoder, a_nested_signal_is_there_while_both_its_selectors_say_so) {
+  const DbcFile file = message_with(
+      " SG_ Outer M : 0|4@1+ (1,0) [0|1] \"\" X\n SG_ Inner m3M : 4|4@1+ (1,0) [0|1] \"\" X\n"
+      " SG_ Part m1 : 8|8@1+ (1,0) [0|1] \"\" X\nSG_MUL_VAL_ 1 Part Inner 1-2, 5-5;\n");
+  const SignalDecoder part = decoder_of(file, 2);
+  EXPECT_EQ(part.physical(frame_of({0x13, 77})), 77.0);
+  EXPECT_EQ(part.physical(frame_of({0x23, 78})), 78.0);
+  EXPECT_EQ(part.physical(frame_of({0x53, 79})), 79.0);
+  EXPECT_EQ(part.physical(frame_of({0x33, 80})), std::nullopt) << "the inner selector has another value";
+  EXPECT_EQ(part.physical(frame_of({0x14, 81})), std::nullopt) << "the inner selector is not in this frame";
+  EXPECT_EQ(decoder_of(file, 1).physical(frame_of({0x53})), 5.0);
+}
+
+TEST(SignalDecoder, a_multiplexed_signal_of_which_nobody_says_by_what_is_refused) {
+  const auto error_of = [](const std::string& signals, std::size_t index) {
+    const DbcFile file = message_with(signals);
+    const auto decoder = SignalDecoder::create(file.messages.at(0), file.messages[0].signals.at(index));
+    return decoder ? "no error" : decoder.error().message;
+  };
+  EXPECT_THAT(error_of(" SG_ S m1 : 8|8@1+ (1,0) [0|1] \"\" X\n", 0), testing::HasSubstr("A.S is multiplexed"));
+  EXPECT_THAT(error_of(" SG_ O M : 0|4@1+ (1,0) [0|1] \"\" X\n SG_ I m3M : 4|4@1+ (1,0) [0|1] \"\" X\n"
+                       " SG_ S m1 : 8|8@1+ (1,0) [0|1] \"\" X\n",
+                       2),
+              testing::HasSubstr("SG_MUL_VAL_"));
+  EXPECT_THAT(error_of(" SG_ A m1M : 0|4@1+ (1,0) [0|1] \"\" X\n SG_ B m1M : 4|4@1+ (1,0) [0|1] \"\" X\n"
+                       "SG_MUL_VAL_ 1 A B 1-1;\nSG_MUL_VAL_ 1 B A 1-1;\n",
+                       0),
+              testing::HasSubstr("A.A is multiplexed"))
+      << "in a circle";
 }
 
 /// The definition, bit by bit.

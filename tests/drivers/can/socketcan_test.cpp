@@ -146,6 +146,28 @@ TEST_F(SocketCanTest, error_frames_are_counted_by_class) {
   EXPECT_EQ(counters.restarted_count, 1U);
   EXPECT_EQ(counters.bus_error_count, 1U);
   EXPECT_EQ(counters.other_error_count, 1U);
+  EXPECT_EQ(counters.passive_count, 0U);
+}
+
+TEST_F(SocketCanTest, bus_off_lasts_until_the_controller_is_restarted_or_a_frame_comes) {
+  const auto state = [this] { return reader_->counters().state; };
+  EXPECT_EQ(state(), CanState::working);
+  send_classic(CAN_ERR_FLAG | CAN_ERR_CRTL, {0, CAN_ERR_CRTL_TX_PASSIVE, 0, 0, 0, 0, 0, 0});
+  send_classic(CAN_ERR_FLAG | CAN_ERR_BUSOFF, {0, 0, 0, 0, 0, 0, 0, 0});
+  ASSERT_EQ(read(), CanReadResult::frame);
+  EXPECT_EQ(reader_->counters().passive_count, 1U);
+  EXPECT_EQ(state(), CanState::working);
+  ASSERT_EQ(read(), CanReadResult::frame);
+  EXPECT_EQ(state(), CanState::bus_off);
+  send_classic(CAN_ERR_FLAG | CAN_ERR_RESTARTED, {0, 0, 0, 0, 0, 0, 0, 0});
+  ASSERT_EQ(read(), CanReadResult::frame);
+  EXPECT_EQ(state(), CanState::working);
+  send_classic(CAN_ERR_FLAG | CAN_ERR_BUSOFF, {0, 0, 0, 0, 0, 0, 0, 0});
+  ASSERT_EQ(read(), CanReadResult::frame);
+  EXPECT_EQ(state(), CanState::bus_off);
+  send_classic(5, {});
+  ASSERT_EQ(read(), CanReadResult::frame);
+  EXPECT_EQ(state(), CanState::working);
 }
 
 TEST_F(SocketCanTest, datagrams_that_are_no_frame_are_counted) {
@@ -167,7 +189,9 @@ TEST_F(SocketCanTest, an_interface_that_goes_down_is_waited_for) {
   send_classic(5, {});
   EXPECT_EQ(read(), CanReadResult::quiet);
   EXPECT_EQ(reader_->counters().interface_down_count, 1U);
+  EXPECT_EQ(reader_->counters().state, CanState::down);
   EXPECT_EQ(read(), CanReadResult::frame);
+  EXPECT_EQ(reader_->counters().state, CanState::working);
   EXPECT_EQ(open_calls, 1);
 }
 
@@ -176,12 +200,15 @@ TEST_F(SocketCanTest, a_removed_interface_is_looked_for_ever_less_often_until_it
   send_classic(5, {});
   EXPECT_EQ(read(), CanReadResult::quiet);
   EXPECT_EQ(reader_->counters().interface_lost_count, 1U);
+  EXPECT_EQ(reader_->counters().state, CanState::lost);
   for (int i = 0; i < 14; ++i) EXPECT_EQ(reader_->read(frame_, 20ms), CanReadResult::quiet);
   EXPECT_EQ(open_calls, 1 + 1) << "tried after 100 ms, and not again before 300 ms";
   connect();
   EXPECT_EQ(reader_->read(frame_, 20ms), CanReadResult::quiet);
   EXPECT_EQ(open_calls, 1 + 2);
   EXPECT_EQ(reader_->counters().reopened_count, 1U);
+  EXPECT_EQ(reader_->counters().state, CanState::working);
+  EXPECT_GT(reader_->counters().receive_buffer_bytes, 0U);
   send_classic(6, {});
   ASSERT_EQ(read(), CanReadResult::frame);
   EXPECT_EQ(frame_.id, 6U);
