@@ -7,6 +7,7 @@ roadvec_test(daemon_replay tests/daemon/replay LINKS daemon_config)
 if(TARGET test_daemon_replay)
   add_dependencies(test_daemon_replay roadvec-replay)
 endif()
+roadvec_test(daemon_vehicles tests/daemon/vehicles LINKS daemon_lib)
 
 roadvec_fuzz(server_frame LINKS daemon_server)
 roadvec_fuzz(config LINKS daemon_config)
