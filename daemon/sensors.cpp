@@ -4,11 +4,12 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <system_error>
 
 #include "core/base/angle.h"
-#include "drivers/can/candump_reader.h"
+#include "drivers/can/can_log_reader.h"
 #include "drivers/can/socketcan_reader.h"
 #include "drivers/imu/log_reader.h"
 #include "drivers/imu/serial_reader.h"
@@ -73,7 +74,7 @@ Expected<std::unique_ptr<CanReader>> open_can(const VehicleSettings& settings, I
   if (kind == InputKind::recorded || settings.can.find('/') != std::string::npos) {
     if (std::error_code ignored; kind == InputKind::recorded && std::filesystem::is_fifo(settings.can, ignored))
       return fail("vehicle.can: " + settings.can + " is a FIFO, which has no end; a drive needs a file");
-    auto reader = CandumpReader::open(settings.can);
+    auto reader = CanLogReader::open(settings.can, "", std::llround(settings.can_log_offset_s * 1e9));
     if (!reader) return tl::unexpected(reader.error());
     return std::unique_ptr<CanReader>(std::move(*reader));
   }

@@ -9,6 +9,7 @@ roadvec_fuzz(calibration LINKS drivers_velodyne)
 roadvec_fuzz(streamed_calibration LINKS drivers_velodyne)
 roadvec_fuzz(dbc LINKS drivers_can)
 roadvec_fuzz(candump LINKS drivers_can)
+roadvec_fuzz(asc LINKS drivers_can)
 roadvec_fuzz(mtdata2 LINKS drivers_imu)
 roadvec_fuzz(imu_log LINKS drivers_imu)
 

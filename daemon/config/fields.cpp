@@ -60,9 +60,13 @@ void visit_fields(VehicleSettings& s, FieldList& field) {
   field("vehicle.track_m", s.track_m, 0.5, 5, "distance of the rear wheels").is_required("1.55");
   field("vehicle.steering_ratio", s.steering_ratio, 1, 40, "angle of the steering wheel by that of the road wheels")
       .is_required("15.0");
-  field("vehicle.can", s.can, "CAN interface; or, with a '/', the path of a candump log or of a FIFO that carries one")
+  field("vehicle.can", s.can,
+        "CAN interface; or, with a '/', the path of a log (candump, Vector ASC) or of a FIFO that carries candump's "
+        "lines")
       .naming(Names::can_source)
       .is_required("\"can0\"");
+  field("vehicle.can_log_offset_s", s.can_log_offset_s, -2e9, 2e9,
+        "added to the times of a log: those of Vector ASC are local time, those of the other sensors UTC");
   field("vehicle.dbc", s.dbc, "DBC file that describes the messages")
       .naming(Names::input_file)
       .is_required("\"vehicles/example.dbc\"");

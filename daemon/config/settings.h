@@ -63,7 +63,8 @@ struct MessageSettings {
 
 struct VehicleSettings {
   double wheelbase_m = 0, track_m = 0, steering_ratio = 0;
-  std::string can;  ///< interface, or the path of a candump log or FIFO (then it contains a '/')
+  std::string can;  ///< interface, or the path of a log or FIFO (then it contains a '/')
+  double can_log_offset_s = 0;
   std::filesystem::path dbc;
   SignalSettings steering_signal;
   std::vector<SignalSettings>

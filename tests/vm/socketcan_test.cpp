@@ -16,7 +16,7 @@
 #include <variant>
 #include <vector>
 
-#include "drivers/can/candump_reader.h"
+#include "drivers/can/can_log_reader.h"
 #include "drivers/can/motion_decoder.h"
 #include "drivers/can/socketcan_reader.h"
 
@@ -213,7 +213,7 @@ TEST_F(VcanTest, a_drive_played_by_canplayer_gives_the_samples_that_its_log_give
   const auto decoder = MotionDecoder::create(*dbc, signals);
   ASSERT_TRUE(decoder) << decoder.error().message;
 
-  auto log = CandumpReader::open(drive + "/can.log");
+  auto log = CanLogReader::open(drive + "/can.log");
   ASSERT_TRUE(log) << log.error().message;
   std::vector<CanFrame> recorded;
   CanFrame frame;

@@ -11,8 +11,8 @@
 #include <string_view>
 #include <thread>
 
+#include "drivers/can/can_log_reader.h"
 #include "drivers/can/candump_line.h"
-#include "drivers/can/candump_reader.h"
 #include "tests/support/recordings.h"
 
 namespace roadvec {
@@ -135,12 +135,12 @@ TEST(CandumpLine, each_bad_line_has_its_reason) {
   }
 }
 
-class CandumpReaderTest : public testing::Test {
+class CanLogReaderTest : public testing::Test {
  protected:
   void TearDown() override { std::filesystem::remove(path_); }
-  std::unique_ptr<CandumpReader> reader_of(const std::string& text, const std::string& interface = "") {
+  std::unique_ptr<CanLogReader> reader_of(const std::string& text, const std::string& interface = "") {
     std::ofstream(path_, std::ios::binary) << text;
-    auto reader = CandumpReader::open(path_, interface);
+    auto reader = CanLogReader::open(path_, interface);
     EXPECT_TRUE(reader);
     return *std::move(reader);
   }
@@ -148,7 +148,7 @@ class CandumpReaderTest : public testing::Test {
       testing::TempDir() + "roadvec_candump_" + testing::UnitTest::GetInstance()->current_test_info()->name() + ".log";
 };
 
-TEST_F(CandumpReaderTest, bad_lines_are_counted_and_the_first_is_named) {
+TEST_F(CanLogReaderTest, bad_lines_are_counted_and_the_first_is_named) {
   const auto reader = reader_of(
       "(1.000000) can0 123#11\n\nstray\n(2.000000) can0 123#2\nDROPCOUNT: dropped 3 CAN frames\n"
       "  can0  123   [1]  11\n(3.000000) can0 20000041#0000000000000000");
@@ -169,7 +169,7 @@ TEST_F(CandumpReaderTest, bad_lines_are_counted_and_the_first_is_named) {
   EXPECT_EQ(counters.bus_off_count, 1U);
 }
 
-TEST_F(CandumpReaderTest, interfaces_are_numbered_or_chosen) {
+TEST_F(CanLogReaderTest, interfaces_are_numbered_or_chosen) {
   const std::string text = "(1.000000) can1 123#11\n(1.000000) can0 123#22\n(1.000000) can1 123#33\n";
   const auto all = reader_of(text);
   CanFrame frame;
@@ -186,7 +186,7 @@ TEST_F(CandumpReaderTest, interfaces_are_numbered_or_chosen) {
   EXPECT_EQ(one->counters().foreign_interface_count, 2U);
 }
 
-TEST_F(CandumpReaderTest, more_interfaces_than_a_car_has_are_refused_one_by_one) {
+TEST_F(CanLogReaderTest, more_interfaces_than_a_car_has_are_refused_one_by_one) {
   std::string text;
   for (int i = 0; i < 20; ++i) text += "(1.000000) can" + std::to_string(i) + " 123#11\n";
   const auto reader = reader_of(text);
@@ -197,7 +197,7 @@ TEST_F(CandumpReaderTest, more_interfaces_than_a_car_has_are_refused_one_by_one)
   EXPECT_EQ(reader->counters().bad_line_count, 4U);
 }
 
-TEST_F(CandumpReaderTest, lines_across_the_buffer_and_longer_than_it_do_no_harm) {
+TEST_F(CanLogReaderTest, lines_across_the_buffer_and_longer_than_it_do_no_harm) {
   std::string text(200000, 'x');
   text += "\n";
   for (int i = 0; i < 5000; ++i) text += "(1.000000) can0 123#1122334455667788\n";
@@ -211,17 +211,17 @@ TEST_F(CandumpReaderTest, lines_across_the_buffer_and_longer_than_it_do_no_harm)
   EXPECT_EQ(count, 5000U);
 }
 
-class CandumpFifoTest : public CandumpReaderTest {
+class CandumpFifoTest : public CanLogReaderTest {
  protected:
   void SetUp() override {
     std::filesystem::remove(path_);
     ASSERT_EQ(::mkfifo(path_.c_str(), 0600), 0);
-    auto reader = CandumpReader::open(path_);  // before there is a writer: this must not wait for one
+    auto reader = CanLogReader::open(path_);  // before there is a writer: this must not wait for one
     ASSERT_TRUE(reader) << reader.error().message;
     reader_ = *std::move(reader);
   }
   void TearDown() override {
-    CandumpReaderTest::TearDown();
+    CanLogReaderTest::TearDown();
     if (writer_ >= 0) ::close(writer_);
   }
   void writer_comes() { ASSERT_GE(writer_ = ::open(path_.c_str(), O_WRONLY | O_NONBLOCK), 0); }
@@ -232,7 +232,7 @@ class CandumpFifoTest : public CandumpReaderTest {
   void write(std::string_view text) {
     ASSERT_EQ(::write(writer_, text.data(), text.size()), static_cast<ssize_t>(text.size()));
   }
-  std::unique_ptr<CandumpReader> reader_;
+  std::unique_ptr<CanLogReader> reader_;
   CanFrame frame_;
   int writer_ = -1;
 };
@@ -301,15 +301,15 @@ TEST_F(CandumpFifoTest, a_line_longer_than_the_buffer_does_not_stop_what_follows
   EXPECT_EQ(reader_->read(frame_, {}), CanReadResult::frame);
 }
 
-TEST(CandumpReader, a_file_that_cannot_be_read_is_an_error_that_names_it) {
-  EXPECT_THAT(CandumpReader::open("/nowhere/can.log").error().message, HasSubstr("/nowhere/can.log"));
-  EXPECT_THAT(CandumpReader::open("/").error().message, HasSubstr("folder"));
+TEST(CanLogReader, a_file_that_cannot_be_read_is_an_error_that_names_it) {
+  EXPECT_THAT(CanLogReader::open("/nowhere/can.log").error().message, HasSubstr("/nowhere/can.log"));
+  EXPECT_THAT(CanLogReader::open("/").error().message, HasSubstr("folder"));
 }
 
 TEST(CandumpRecordings, every_line_of_a_recorded_minute_is_a_frame) {
   const auto path = recording("comma2k19/can.log");
   if (!path) return;
-  auto reader = CandumpReader::open(*path);
+  auto reader = CanLogReader::open(*path);
   ASSERT_TRUE(reader);
   CanFrame frame;
   while ((*reader)->read(frame, {}) == CanReadResult::frame) {

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "drivers/can/can_log_reader.h"
 #include "drivers/can/candump_line.h"
-#include "drivers/can/candump_reader.h"
 #include "tests/support/recordings.h"
 
 namespace roadvec {
@@ -136,7 +136,7 @@ TEST(MessageRecordings, a_toyota_that_drives_for_a_minute_sends_no_wrong_checksu
     const auto watch = watches.emplace(signal->message->id.id, *signal->message).first;
     ASSERT_TRUE(watch->second.add(*dbc, check));
   }
-  auto reader = CandumpReader::open(*log, "can0");
+  auto reader = CanLogReader::open(*log, "can0");
   ASSERT_TRUE(reader) << reader.error().message;
   MessageCounters counters;
   std::size_t accepted_count = 0;

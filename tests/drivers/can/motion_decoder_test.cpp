@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "core/base/angle.h"
-#include "drivers/can/candump_reader.h"
+#include "drivers/can/can_log_reader.h"
 #include "tests/support/recordings.h"
 
 namespace roadvec {
@@ -279,7 +279,7 @@ TEST(MotionRecordings, a_minute_of_a_toyota_gives_every_row_of_the_reference_to_
   }
   Expected<MotionDecoder> decoder = MotionDecoder::create(*dbc, signals);
   ASSERT_TRUE(decoder) << decoder.error().message;
-  auto reader = CandumpReader::open(*log, "can0");
+  auto reader = CanLogReader::open(*log, "can0");
   ASSERT_TRUE(reader) << reader.error().message;
   std::vector<std::string> steering_rows;
   std::vector<std::string> wheel_rows;

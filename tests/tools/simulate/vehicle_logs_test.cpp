@@ -1,6 +1,6 @@
 #include "tools/simulate/vehicle_logs.h"
 
-#include "drivers/can/candump_reader.h"
+#include "drivers/can/can_log_reader.h"
 #include "drivers/can/motion_decoder.h"
 #include "drivers/imu/log_reader.h"
 #include "drivers/imu/xsens.h"
@@ -51,7 +51,7 @@ TEST_F(VehicleLogs, can_log_decodes_to_the_true_motion_and_the_declared_errors) 
   }
   auto decoder = MotionDecoder::create(dbc, signals);
   ASSERT_TRUE(decoder) << decoder.error().message;
-  auto reader = CandumpReader::open(log);
+  auto reader = CanLogReader::open(log);
   ASSERT_TRUE(reader) << reader.error().message;
   CanFrame frame;
   int steering_count = 0, wheel_count = 0;
