@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 
 #include "tools/replay/output.h"
@@ -93,11 +94,12 @@ PtyOutput::~PtyOutput() {
   ::unlink(path_.c_str());
 }
 
-/// What is unread is lost when the terminal goes; a reader that lives takes it within moments.
+/// What is unread is lost when the terminal goes, up to 4 KiB of it. A reader that lives takes it within moments, on a
+/// busy machine within seconds; what it has not taken then is told.
 void PtyOutput::wait_until_read() const {
   const FileDescriptor line(::open(path_.c_str(), O_RDONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   // The kernel hands bytes on to the line a little later, and until then counts them nowhere: empty once is not empty.
-  constexpr int kTries = 50, kEmptyTries = 5;
+  constexpr int kTries = 500, kEmptyTries = 20;
   int unread = 0, empty_tries = 0;
   for (int i = 0; i < kTries && empty_tries < kEmptyTries; ++i) {
     constexpr timespec kPause{.tv_sec = 0, .tv_nsec = 10'000'000};
@@ -105,6 +107,8 @@ void PtyOutput::wait_until_read() const {
     if (::ioctl(line.get(), FIONREAD, &unread) != 0) return;
     empty_tries = unread > 0 ? 0 : empty_tries + 1;
   }
+  if (unread > 0)
+    std::fprintf(stderr, "roadvec-replay: %s: the last %d bytes or more were not read\n", path_.c_str(), unread);
 }
 
 bool PtyOutput::has_listener() const {
