@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "core/base/angle.h"
+#include "daemon/gps_anchor.h"
 #include "daemon/results.h"
 #include "daemon/threads.h"
 
@@ -42,15 +43,13 @@ Daemon::Daemon(const Settings& settings, InputKind kind, Service& service)
       keyframes_(when_full_, optimiser_bell_),
       frames_(kFrameLogBytes),
       started_(std::chrono::steady_clock::now()) {
-  if (!settings_.anchor) {
-    throw std::runtime_error(
-        "[anchor] is missing: give the start fix (latitude_deg, longitude_deg, height_m, yaw_deg)");
-  }
   LidarInput lidar = or_throw(open_lidar(settings_.lidar, kind, lidar_counters_));
-  std::vector<std::unique_ptr<MotionInput>> motion_inputs = or_throw(open_vehicle(settings_, kind));
+  if (!settings_.anchor) settings_.anchor = or_throw(anchor_from_gps(lidar, kind, service));
+  VehicleInput vehicle = or_throw(open_vehicle(settings_, kind));
+  imu_device_ = vehicle.imu_device;
   const MapHead head = first_head(kind);
   lidar_.emplace(std::move(lidar.source), lidar.model, lidar.calibration, lidar.options, lidar_counters_, sweeps_);
-  vehicle_.emplace(std::move(motion_inputs), motion_);
+  vehicle_.emplace(std::move(vehicle.inputs), motion_);
   mapping_.emplace(settings_.pipeline, front_end_setup(settings_, lidar.model), sweeps_, motion_, mapping_bell_,
                    keyframes_, poses_);
   const Pose2 T_map_odom_start{0, 0, rad_from_deg(settings_.anchor->yaw_deg)};
@@ -68,6 +67,7 @@ int Daemon::run(const std::filesystem::path& output) {
     spdlog::warn(
         "memory is not locked: raise LimitMEMLOCK (systemd) or ulimit -l, or set real_time.lock_memory = false");
   }
+  if (!lidar_->warning().empty()) spdlog::warn("{}", lidar_->warning());
   start_threads();
   Service::ready();
   supervise();
@@ -80,6 +80,7 @@ int Daemon::run(const std::filesystem::path& output) {
   threads_.clear();
   take_reports();
   const int written = write_results(output);
+  if (kind_ == InputKind::recorded && !lidar_->warning().empty()) spdlog::warn("{}", lidar_->warning());
   if (!lidar_->error().empty()) {
     spdlog::error("{}", lidar_->error());
     return 1;
@@ -133,6 +134,7 @@ void Daemon::supervise() {
     take_reports();
     log_progress();
     if (every_stage_moved()) service_.feed_watchdog();
+    warn_of_senders();
     if (signal == SIGHUP)
       spdlog::warn("SIGHUP: this version reads its configuration at start only; restart to apply changes");
     if (signal == SIGINT || signal == SIGTERM) {
@@ -143,8 +145,17 @@ void Daemon::supervise() {
   }
 }
 
+void Daemon::warn_of_senders() {
+  const Senders* const senders = lidar_->senders();
+  if (senders == nullptr || !senders->ambiguous() || senders->count() == warned_sender_count_) return;
+  warned_sender_count_ = senders->count();
+  spdlog::warn("more than one sensor sends to UDP port {}: {}; the first is taken. Set lidar.source_address",
+               settings_.lidar.port, senders->list());
+}
+
 void Daemon::take_reports() {
   const std::scoped_lock lock(reports_mutex_);
+  clock_report_ = lidar_->clock().load();
   vehicle_counts_ = vehicle_->counts().load();
   mapping_report_ = mapping_->reports().load();
   optimiser_report_ = optimiser_->reports().load();

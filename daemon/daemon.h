@@ -6,6 +6,7 @@
 #include <mutex>
 #include <optional>
 #include <stop_token>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -40,16 +41,18 @@ class Daemon {
   void start_threads();
   void supervise();
   void take_reports();
+  void warn_of_senders();
   void log_progress();
   [[nodiscard]] bool every_stage_moved();
   [[nodiscard]] bool awaits_calibration() const;
   [[nodiscard]] wire::Stage lidar_status() const;
+  [[nodiscard]] wire::Stage clock_status() const;
   [[nodiscard]] wire::Stage vehicle_status() const;
   [[nodiscard]] wire::Stage mapping_status() const;
   [[nodiscard]] wire::Stage optimiser_status() const;
   int write_results(const std::filesystem::path& output) const;
 
-  const Settings settings_;
+  Settings settings_;  ///< as configured, with the anchor
   const InputKind kind_;
   const WhenFull when_full_;
   Service& service_;
@@ -73,8 +76,11 @@ class Daemon {
   std::vector<std::jthread> threads_;
   std::chrono::steady_clock::time_point started_;
   std::array<std::uint64_t, 4> last_turns_{};
+  std::size_t warned_sender_count_ = 0;
+  std::string imu_device_;
 
   mutable std::mutex reports_mutex_;  ///< main and server thread; no real-time thread comes near it
+  LidarClockReport clock_report_;
   VehicleCounts vehicle_counts_;
   MappingReport mapping_report_;
   OptimiserReport optimiser_report_;

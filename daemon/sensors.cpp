@@ -13,6 +13,8 @@
 #include "drivers/can/socketcan_reader.h"
 #include "drivers/imu/log_reader.h"
 #include "drivers/imu/serial_reader.h"
+#include "drivers/imu/udp_reader.h"
+#include "drivers/imu/xsens_setup.h"
 #include "drivers/velodyne/pcap_reader.h"
 #include "drivers/velodyne/udp_receiver.h"
 
@@ -46,13 +48,17 @@ Expected<std::unique_ptr<PacketSource>> open_packets(const LidarSettings& settin
   const auto address = address_of(settings.source_address);
   if (!address) return tl::unexpected(address.error());
   if (kind == InputKind::recorded) {
-    auto reader = PcapReader::open(settings.pcap, {.port = settings.port, .source_ipv4 = *address}, counters);
+    auto reader = PcapReader::open(
+        settings.pcap, {.port = settings.port, .position_port = settings.position_port, .source_ipv4 = *address},
+        counters);
     if (!reader) return tl::unexpected(reader.error());
     return std::unique_ptr<PacketSource>(std::move(*reader));
   }
-  auto receiver = UdpReceiver::open(
-      {.port = settings.port, .source_ipv4 = *address, .receive_buffer_bytes = settings.receive_buffer_bytes},
-      counters);
+  auto receiver = UdpReceiver::open({.port = settings.port,
+                                     .position_port = settings.position_port,
+                                     .source_ipv4 = *address,
+                                     .receive_buffer_bytes = settings.receive_buffer_bytes},
+                                    counters);
   if (!receiver) return tl::unexpected(receiver.error());
   return std::unique_ptr<PacketSource>(std::move(*receiver));
 }
@@ -69,16 +75,17 @@ SignalExpression expression_of(const SignalSettings& settings) {
   return expression;
 }
 
-Expected<std::unique_ptr<CanReader>> open_can(const VehicleSettings& settings, InputKind kind,
-                                              std::span<const CanId> ids) {
-  if (kind == InputKind::recorded || settings.can.find('/') != std::string::npos) {
-    if (std::error_code ignored; kind == InputKind::recorded && std::filesystem::is_fifo(settings.can, ignored))
-      return fail("vehicle.can: " + settings.can + " is a FIFO, which has no end; a drive needs a file");
-    auto reader = CanLogReader::open(settings.can, "", std::llround(settings.can_log_offset_s * 1e9));
+/// `key`: who names the source.
+Expected<std::unique_ptr<CanReader>> open_can(const std::string& can, const std::string& key, InputKind kind,
+                                              std::span<const CanId> ids, std::int64_t offset_ns) {
+  if (kind == InputKind::recorded || can.find('/') != std::string::npos) {
+    if (std::error_code ignored; kind == InputKind::recorded && std::filesystem::is_fifo(can, ignored))
+      return fail(key + ": " + can + " is a FIFO, which has no end; a drive needs a file");
+    auto reader = CanLogReader::open(can, "", offset_ns);
     if (!reader) return tl::unexpected(reader.error());
     return std::unique_ptr<CanReader>(std::move(*reader));
   }
-  auto reader = SocketCanReader::open(settings.can, ids);
+  auto reader = SocketCanReader::open(can, ids);
   if (!reader) return tl::unexpected(reader.error());
   return std::unique_ptr<CanReader>(std::move(*reader));
 }
@@ -91,7 +98,7 @@ void warn_of(const DbcFile& dbc) {
   if (count > 0) spdlog::warn("{}: {} lines are not as a DBC file has them; the rest of it is used", dbc.name, count);
 }
 
-Expected<std::unique_ptr<CanInput>> open_can_input(const VehicleSettings& settings, InputKind kind) {
+Expected<std::unique_ptr<MotionInput>> open_can_input(const VehicleSettings& settings, InputKind kind) {
   const auto dbc = load_dbc(settings.dbc.string());
   if (!dbc) return tl::unexpected(dbc.error());
   warn_of(*dbc);
@@ -104,25 +111,75 @@ Expected<std::unique_ptr<CanInput>> open_can_input(const VehicleSettings& settin
   }
   auto decoder = MotionDecoder::create(*dbc, signals);
   if (!decoder) return tl::unexpected(decoder.error());
-  auto reader = open_can(settings, kind, decoder->ids());
+  auto reader =
+      open_can(settings.can, "vehicle.can", kind, decoder->ids(), std::llround(settings.can_log_offset_s * 1e9));
   if (!reader) return tl::unexpected(reader.error());
-  return std::make_unique<CanInput>(std::move(*reader), std::move(*decoder));
+  return std::unique_ptr<MotionInput>(
+      std::make_unique<CanInput<MotionDecoder>>(std::move(*reader), std::move(*decoder)));
 }
 
-Expected<std::unique_ptr<XsensInput>> open_imu_input(const ImuSettings& settings, InputKind kind) {
-  if (settings.protocol != ImuProtocol::xsens) {
-    return fail("imu.protocol: this version reads \"xsens\" alone; remove the [imu] table to drive on the CAN bus");
+Mounting mounting_of(const ImuSettings& settings) {
+  return {rad_from_deg(settings.mounting.roll_deg), rad_from_deg(settings.mounting.pitch_deg),
+          rad_from_deg(settings.mounting.yaw_deg)};
+}
+
+/// An IMU on a bus; where [imu] names none, on the vehicle's, with its DBC file.
+Expected<std::unique_ptr<MotionInput>> open_imu_on_can(const Settings& settings, InputKind kind) {
+  const ImuSettings& imu = *settings.imu;
+  const std::string can = imu.can.empty() ? settings.vehicle->can : imu.can;
+  const auto dbc = load_dbc((imu.dbc.empty() ? settings.vehicle->dbc : imu.dbc).string());
+  if (!dbc) return tl::unexpected(dbc.error());
+  std::error_code ignored;
+  if (settings.vehicle && can == settings.vehicle->can && std::filesystem::is_fifo(can, ignored)) {
+    return fail("imu.can: " + can + " is the vehicle's FIFO, and of two readers each gets a part; give each its own");
   }
-  const Mounting mounting{rad_from_deg(settings.mounting.roll_deg), rad_from_deg(settings.mounting.pitch_deg),
-                          rad_from_deg(settings.mounting.yaw_deg)};
-  if (kind == InputKind::recorded) {
-    auto reader = open_imu_recording(settings.log.string());
-    if (!reader) return tl::unexpected(reader.error());
-    return std::make_unique<XsensInput>(std::move(*reader), mounting);
-  }
-  auto reader = SerialReader::open(settings.device.string(), settings.baud);
+  // The vehicle's own log is put on the LiDAR's clock by the vehicle's offset.
+  const bool same_log = settings.vehicle && can == settings.vehicle->can;
+  const std::int64_t offset_ns = same_log ? std::llround(settings.vehicle->can_log_offset_s * 1e9) : 0;
+  ImuSignals signals;
+  signals.rate = {expression_of(imu.rate_x_signal), expression_of(imu.rate_y_signal), expression_of(imu.rate_z_signal)};
+  signals.acceleration = {expression_of(imu.acceleration_x_signal), expression_of(imu.acceleration_y_signal),
+                          expression_of(imu.acceleration_z_signal)};
+  signals.roll = expression_of(imu.roll_signal);
+  signals.pitch = expression_of(imu.pitch_signal);
+  signals.heading = expression_of(imu.heading_signal);
+  auto decoder = ImuCanDecoder::create(*dbc, signals, mounting_of(imu));
+  if (!decoder) return tl::unexpected(decoder.error());
+  auto reader = open_can(can, "imu.can", kind, decoder->ids(), offset_ns);
   if (!reader) return tl::unexpected(reader.error());
-  return std::make_unique<XsensInput>(std::move(*reader), mounting);
+  return std::unique_ptr<MotionInput>(
+      std::make_unique<CanInput<ImuCanDecoder>>(std::move(*reader), std::move(*decoder)));
+}
+
+Expected<std::unique_ptr<ImuReader>> open_imu_reader(const ImuSettings& settings, InputKind kind,
+                                                     std::string& device_text) {
+  if (kind == InputKind::recorded) return open_imu_recording(settings.log.string());
+  if (settings.protocol == ImuProtocol::ncom) {
+    auto reader = ImuUdpReader::open(settings.port);
+    if (!reader) return tl::unexpected(reader.error());
+    return std::unique_ptr<ImuReader>(std::move(*reader));
+  }
+  const auto baud = static_cast<unsigned>(settings.baud);
+  if (settings.configure) {
+    const auto device = set_up_xsens(settings.device.string(), baud, default_xsens_outputs());
+    if (!device) return tl::unexpected(device.error());
+    spdlog::info("IMU set up: {}", device->text());
+    device_text = device->text();
+  }
+  auto reader = SerialReader::open(settings.device.string(), baud);
+  if (!reader) return tl::unexpected(reader.error());
+  return std::unique_ptr<ImuReader>(std::move(*reader));
+}
+
+Expected<std::unique_ptr<MotionInput>> open_imu_input(const ImuSettings& settings, InputKind kind,
+                                                      std::string& device_text) {
+  const Mounting mounting = mounting_of(settings);
+  auto reader = open_imu_reader(settings, kind, device_text);
+  if (!reader) return tl::unexpected(reader.error());
+  if (settings.protocol == ImuProtocol::ncom) {
+    return std::unique_ptr<MotionInput>(std::make_unique<ImuInput<NcomDecoder>>(std::move(*reader), mounting));
+  }
+  return std::unique_ptr<MotionInput>(std::make_unique<ImuInput<XsensDecoder>>(std::move(*reader), mounting));
 }
 
 }  // namespace
@@ -140,19 +197,20 @@ Expected<LidarInput> open_lidar(const LidarSettings& settings, InputKind kind, L
   return LidarInput{*model, std::move(*calibration), options, std::move(*source)};
 }
 
-Expected<std::vector<std::unique_ptr<MotionInput>>> open_vehicle(const Settings& settings, InputKind kind) {
-  std::vector<std::unique_ptr<MotionInput>> inputs;
+Expected<VehicleInput> open_vehicle(const Settings& settings, InputKind kind) {
+  VehicleInput vehicle;
   if (settings.vehicle) {
     auto can = open_can_input(*settings.vehicle, kind);
     if (!can) return tl::unexpected(can.error());
-    inputs.push_back(std::move(*can));
+    vehicle.inputs.push_back(std::move(*can));
   }
   if (settings.imu) {
-    auto imu = open_imu_input(*settings.imu, kind);
+    auto imu = settings.imu->protocol == ImuProtocol::can ? open_imu_on_can(settings, kind)
+                                                          : open_imu_input(*settings.imu, kind, vehicle.imu_device);
     if (!imu) return tl::unexpected(imu.error());
-    inputs.push_back(std::move(*imu));
+    vehicle.inputs.push_back(std::move(*imu));
   }
-  return inputs;
+  return vehicle;
 }
 
 FrontEndSetup front_end_setup(const Settings& settings, LidarModel model) {

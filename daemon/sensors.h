@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "core/base/error.h"
@@ -26,9 +27,12 @@ struct LidarInput {
 /// Opens what [lidar] names. `counters` outlives the source.
 [[nodiscard]] Expected<LidarInput> open_lidar(const LidarSettings& settings, InputKind kind, LidarCounters& counters);
 
+struct VehicleInput {
+  std::vector<std::unique_ptr<MotionInput>> inputs;
+  std::string imu_device;  ///< what it said of itself, if it was set up; else empty
+};
 /// The motion inputs of [vehicle] and [imu]. Lines of the DBC file that cannot be read are logged, the rest is used.
-[[nodiscard]] Expected<std::vector<std::unique_ptr<MotionInput>>> open_vehicle(const Settings& settings,
-                                                                               InputKind kind);
+[[nodiscard]] Expected<VehicleInput> open_vehicle(const Settings& settings, InputKind kind);
 
 [[nodiscard]] FrontEndSetup front_end_setup(const Settings& settings, LidarModel model);
 

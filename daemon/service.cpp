@@ -25,6 +25,10 @@ Service::Service() {
 }
 
 void Service::ready() { ::sd_notify(0, "READY=1"); }
+void Service::starting(const std::string& line) {
+  ::sd_notify(0, ("EXTEND_TIMEOUT_USEC=30000000\nSTATUS=" + line).c_str());
+}
+
 void Service::status(const std::string& line) { ::sd_notify(0, ("STATUS=" + line).c_str()); }
 void Service::stopping() { ::sd_notify(0, "STOPPING=1"); }
 

@@ -13,6 +13,8 @@ class Service {
   Service();
 
   static void ready();
+  /// Not ready yet, and still busy: systemd waits on.
+  static void starting(const std::string& line);
   static void status(const std::string& line);
   static void stopping();
   /// Feeds the watchdog if the unit has one; call it only when every stage has moved.

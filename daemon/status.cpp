@@ -1,5 +1,6 @@
 // What `roadvec status` shows and report.json keeps: every counter under the name of its stage.
 
+#include "daemon/clock_text.h"
 #include "daemon/daemon.h"
 
 namespace roadvec {
@@ -38,6 +39,12 @@ const char* trouble_of(const CanCounters& can) {
   return nullptr;
 }
 
+double seconds_from_ns(std::int64_t ns) { return static_cast<double>(ns) * 1e-9; }
+
+std::string from_whom(const Senders* senders) {
+  return senders == nullptr || senders->count() == 0 ? "" : " from " + senders->list();
+}
+
 void add_timing(wire::Stage& stage, const StepTimer& timer, Step step) {
   const DurationHistogram::Summary summary = timer.summary(step);
   if (summary.count == 0) return;
@@ -57,6 +64,9 @@ wire::Stage Daemon::lidar_status() const {
       .name = "lidar", .state = input_over_ ? "over" : "receiving", .counters = {}, .gauges = {}, .timings = {}};
   if (lidar_counters_.received.value() == 0 && !input_over_) stage.state = "no packets";
   if (awaits_calibration() && !input_over_) stage.state = "waiting for the sensor's calibration";
+  if (const Senders* senders = lidar_->senders(); senders != nullptr && senders->ambiguous()) {
+    stage.state += ", the first of " + senders->list() + ": set lidar.source_address";
+  }
   visit_counters(lidar_counters_, [&stage](const char* name, const Counter& counter) {
     stage.counters.push_back({name, counter.value()});
   });
@@ -65,9 +75,31 @@ wire::Stage Daemon::lidar_status() const {
   return stage;
 }
 
+wire::Stage Daemon::clock_status() const {
+  const SensorClockReport& gps = clock_report_.gps;
+  const PacketClockState& stamps = clock_report_.stamps;
+  wire::Stage stage{.name = "clock",
+                    .state = clock_text(settings_.lidar.clock, clock_report_),
+                    .counters = {},
+                    .gauges = {},
+                    .timings = {}};
+  stage.counters = {{"clock_steps", lidar_counters_.clock_steps.value()},
+                    {"position_packets", gps.position_packet_count},
+                    {"nmea_sentences", gps.nmea_count},
+                    {"nmea_bad", gps.nmea_bad_count}};
+  stage.gauges = {{"device_minus_host_s", seconds_from_ns(stamps.device_minus_host_ns)}};
+  if (stamps.last_step) stage.gauges.push_back({"last_step_s", seconds_from_ns(stamps.last_step->size_ns)});
+  if (gps.device_after_nmea_ns)
+    stage.gauges.push_back({"device_after_nmea_s", seconds_from_ns(*gps.device_after_nmea_ns)});
+  if (gps.host_after_nmea_ns) stage.gauges.push_back({"host_after_nmea_s", seconds_from_ns(*gps.host_after_nmea_ns)});
+  if (gps.temperature_c) stage.gauges.push_back({"sensor_temperature_degc", *gps.temperature_c});
+  return stage;
+}
+
 wire::Stage Daemon::vehicle_status() const {
   wire::Stage stage{.name = "vehicle", .state = "receiving", .counters = {}, .gauges = {}, .timings = {}};
   if (vehicle_->sample_count().value() == 0) stage.state = "silent";
+  if (!imu_device_.empty()) stage.state += ", IMU " + imu_device_;
   stage.counters = {{"samples", vehicle_->sample_count().value()}, {"ring_full", vehicle_->refused_count().value()}};
   const VehicleCounts& counts = vehicle_counts_;
   if (settings_.vehicle) {
@@ -101,10 +133,22 @@ wire::Stage Daemon::vehicle_status() const {
     if (const char* trouble = trouble_of(counts.can)) stage.state = trouble;
   }
   if (settings_.imu) {
-    for (const wire::Counter& counter : {wire::Counter{"imu_bytes", counts.imu.byte_count},
-                                         {"imu_bad_lines", counts.imu.bad_line_count},
-                                         {"imu_device_lost", counts.imu.device_lost_count},
-                                         {"imu_bad_checksums", counts.xsens.bad_checksum_count}}) {
+    for (const wire::Counter& counter :
+         {wire::Counter{"imu_bytes", counts.imu.byte_count},
+          {"imu_bad_lines", counts.imu.bad_line_count},
+          {"imu_device_lost", counts.imu.device_lost_count},
+          {"imu_kernel_drops", counts.imu.kernel_drop_count},
+          {"imu_bad_checksums", counts.xsens.bad_checksum_count + counts.ncom.bad_checksum_count},
+          {"imu_lost_messages", counts.xsens.lost_message_count},
+          {"imu_not_ready", counts.ncom.not_ready_count}}) {
+      stage.counters.push_back(counter);
+    }
+  }
+  if (settings_.imu && settings_.imu->protocol == ImuProtocol::can) {
+    for (const wire::Counter& counter : {wire::Counter{"imu_can_frames", counts.imu_can.frame_count},
+                                         {"imu_can_kernel_drops", counts.imu_can.kernel_drop_count},
+                                         {"imu_can_short_frames", counts.imu_motion.short_frame_count},
+                                         {"imu_can_invalid_values", counts.imu_motion.invalid_value_count}}) {
       stage.counters.push_back(counter);
     }
   }
@@ -176,12 +220,13 @@ wire::Status Daemon::status() const {
   status.map_length_m = back_end.map_length_m;
   status.travelled_m = mapping_report_.front_end.travelled_m;
   status.uptime_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started_).count();
-  status.stages = {lidar_status(), vehicle_status(), mapping_status(), optimiser_status()};
+  status.stages = {lidar_status(), clock_status(), vehicle_status(), mapping_status(), optimiser_status()};
   status.state = map_finished_ ? "finished" : input_over_ ? "finishing" : "mapping";
   if (lidar_counters_.received.value() == 0) {
-    status.not_growing_reason = lidar_counters_.wrong_length.value() + lidar_counters_.foreign_source.value() > 0
-                                    ? "datagrams come, but none is a data packet of the configured sensor"
-                                    : "no LiDAR packets on the port";
+    status.not_growing_reason =
+        lidar_counters_.wrong_length.value() + lidar_counters_.foreign_source.value() > 0
+            ? "datagrams come" + from_whom(lidar_->senders()) + ", but none is a data packet of the configured sensor"
+            : std::string("no LiDAR packets on the port");
   } else if (awaits_calibration()) {
     status.not_growing_reason = "the calibration that the sensor streams is not complete yet";
   } else if (lidar_->sweeps_published().value() == 0) {

@@ -36,12 +36,16 @@ void visit_fields(LidarSettings& s, FieldList& field) {
       .only_in_drive()
       .is_required("\"lidar.pcap\"");
   field("lidar.port", s.port, 1, 65535, "UDP port of the data packets");
-  field("lidar.source_address", s.source_address, "IPv4 address of the sensor; empty: packets of any sender are taken");
+  field("lidar.position_port", s.position_port, 0, 65535,
+        "UDP port of the position packets, which tell the state of GPS and clock; 0: not listened to");
+  field("lidar.source_address", s.source_address,
+        "IPv4 address of the sensor; empty: the first that sends. With more than one on the port, it must be given");
   field("lidar.receive_buffer_bytes", s.receive_buffer_bytes, 65536, 268435456,
         "socket receive buffer, forced and verified; 8 MiB hold about one second of an HDL-64E")
       .only_in_car();
   field("lidar.clock", s.clock, kLidarClocks,
-        "what stamps the packets: their arrival at the kernel, the device's intervals, or a device set to UTC by GPS");
+        "what stamps the packets: their arrival at the kernel, the device's intervals, or a device set to UTC by GPS "
+        "(`roadvec status` tells whether it is)");
   field("lidar.stamp", s.stamp, kLidarStamps,
         "clock device_utc: which firing of a packet the device's stamp belongs to");
   field("lidar.turn", s.turn, kLidarTurns,
@@ -96,7 +100,9 @@ void visit_fields(ImuSettings& s, FieldList& field) {
   field("imu.protocol", s.protocol, kImuProtocols,
         "what the device speaks: MTData2, OxTS NCOM, or signals on the CAN bus")
       .is_required("\"xsens\"");
-  field("imu.log", s.log, "recorded messages, one '(seconds) hexbytes' a line; not for protocol can")
+  field("imu.log", s.log,
+        "recorded messages, one '(seconds) hexbytes' a line (ncom: one packet of 72 bytes); a name that ends in .bin: "
+        "the device's bytes as they are, with its own times; not for protocol can")
       .naming(Names::input_file)
       .only_in_drive()
       .for_example("\"imu.log\"");
@@ -105,6 +111,11 @@ void visit_fields(ImuSettings& s, FieldList& field) {
       .only_in_car()
       .for_example("\"/dev/ttyUSB0\"");
   field("imu.baud", s.baud, 1200, 4000000, "xsens: speed of the serial line").only_in_car();
+  field(
+      "imu.configure", s.configure,
+      "xsens: before reading, stop the device, set it to send what is used (counter, time, orientation, acceleration, "
+      "rate of turn, 100 times a second), read that back and start it; false: nothing is ever written to it")
+      .only_in_car();
   field("imu.port", s.port, 1, 65535, "ncom: UDP port").only_in_car();
   visit_fields(s.mounting, "imu", "0.0", field);
   field("imu.can", s.can, "can: where the signals come from; empty: as for the vehicle").naming(Names::can_source);
@@ -119,7 +130,9 @@ void visit_fields(ImuSettings& s, FieldList& field) {
                                                              {"pitch", &s.pitch_signal},
                                                              {"heading", &s.heading_signal}};
   for (const auto& [name, signal] : signals) {
-    field(std::string("imu.") + name + "_signal", *signal, "can: written as vehicle.steering_signal; empty: not sent");
+    field(std::string("imu.") + name + "_signal", *signal,
+          "can: written as vehicle.steering_signal; empty: not sent" +
+              std::string(signal == &s.heading_signal ? "; clockwise from north" : ""));
   }
 }
 
@@ -220,7 +233,10 @@ std::string table_meaning(std::string_view table) {
       {"lidar", "the sensor, and its place in the vehicle frame (rear axle on the ground, x ahead, y left, z up)"},
       {"vehicle", "the car and its CAN bus; leave the table out if there is no CAN (then [imu] is needed)"},
       {"imu", "the inertial sensor; leave the table out if there is none (then [vehicle] is needed)"},
-      {"anchor", "the start fix: where the map's origin lies and how the vehicle stands there"},
+      {"anchor",
+       "the start fix: where the map's origin lies and how the vehicle stands there; left out: from the GPS receiver "
+       "at "
+       "the LiDAR, once it has a fix and the vehicle drives faster than 2 m/s"},
       {"server", "the sockets"},
       {"storage", "where the map is kept"},
       {"log", "messages"},

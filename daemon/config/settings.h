@@ -28,8 +28,8 @@ struct LidarSettings {
   std::string model;
   std::filesystem::path calibration;  ///< empty: built-in angles; kStreamedCalibration: as the sensor sends it
   std::filesystem::path pcap;         ///< drives only
-  int port = 2368;
-  std::string source_address;  ///< empty: any sender
+  int port = 2368, position_port = 8308;
+  std::string source_address;  ///< empty: the first sender
   int receive_buffer_bytes = 8 << 20;
   LidarClock clock = LidarClock::arrival;
   LidarStamp stamp = LidarStamp::first_firing;
@@ -79,7 +79,8 @@ struct ImuSettings {
   std::filesystem::path log;     ///< drives only
   std::filesystem::path device;  ///< xsens in the car: serial line
   int baud = 115200;
-  int port = 3000;  ///< ncom in the car: UDP
+  bool configure = false;  ///< xsens in the car: set the device's outputs before reading
+  int port = 3000;         ///< ncom in the car: UDP
   MountingAngles mounting;
   std::string can;            ///< protocol can; empty: the vehicle's
   std::filesystem::path dbc;  ///< protocol can; empty: the vehicle's

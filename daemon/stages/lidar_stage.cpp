@@ -24,6 +24,8 @@ void LidarStage::run(const std::stop_token& stop) noexcept {
     for (const RawPacket& packet : batch) decoder_.add(packet);
     calibrated_.store(decoder_.calibrated(), std::memory_order_relaxed);
     decode_time_ += Clock::now() - begin - waited_;
+    for (const RawPositionPacket& packet : source_->positions()) sensor_clock_.add(packet);
+    clock_.store({sensor_clock_.report(), decoder_.clock().state()});
   }
   decoder_.finish();
   sweeps_.close();

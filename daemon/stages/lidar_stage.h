@@ -5,12 +5,20 @@
 #include <memory>
 #include <string>
 
+#include "core/ring/latest.h"
 #include "daemon/stages/channels.h"
 #include "daemon/stages/step_timer.h"
 #include "drivers/velodyne/packet_source.h"
+#include "drivers/velodyne/sensor_clock.h"
 #include "drivers/velodyne/sweep_decoder.h"
 
 namespace roadvec {
+
+/// The sensor's clock as the lidar thread knows it.
+struct LidarClockReport {
+  SensorClockReport gps;
+  PacketClockState stamps;
+};
 
 /// Thread `rv-lidar`: packets -> sweeps. Receives, decodes and assembles straight into the ring's slots.
 class LidarStage final : private SweepSink {
@@ -28,6 +36,10 @@ class LidarStage final : private SweepSink {
   [[nodiscard]] bool calibrated() const { return calibrated_.load(std::memory_order_relaxed); }
   /// Why reading ended before the end of the recording; empty: it did not. Read it after run().
   [[nodiscard]] std::string_view error() const { return source_->error(); }
+  /// What a person should know of the recording or the port. Read it before or after run().
+  [[nodiscard]] std::string_view warning() const { return source_->warning(); }
+  [[nodiscard]] const Senders* senders() const { return source_->senders(); }
+  [[nodiscard]] Latest<LidarClockReport>& clock() { return clock_; }  ///< reader: main thread
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -37,6 +49,8 @@ class LidarStage final : private SweepSink {
   std::unique_ptr<PacketSource> source_;
   SweepChannel& sweeps_;
   SweepDecoder decoder_;
+  SensorClock sensor_clock_;
+  Latest<LidarClockReport> clock_;
   StepTimer timer_;
   Counter turns_, published_;
   std::atomic<bool> calibrated_;  ///< a report; orders nothing else

@@ -9,6 +9,7 @@ constexpr std::chrono::milliseconds kMotionPatience{60};  // CAN's slowest wheel
 // Live, CAN and IMU are read in turns of 4 ms: one may be that much ahead of the other.
 constexpr std::int64_t kArrivalSlack_ns = 8'000'000;
 constexpr std::size_t kPendingSamples = 8192;
+constexpr std::int64_t kRunUp_ns = 5'000'000'000;  // motion before the first sweep that the filter starts on
 
 }  // namespace
 
@@ -33,6 +34,7 @@ void MappingStage::run(const std::stop_token& stop) noexcept {
     turns_.add();
     drain_motion();
     const Sweep* sweep = sweeps_.front();
+    if (sweep != nullptr && mapped_.value() == 0) forget_motion_before(sweep->start - kRunUp_ns);
     if (sweep != nullptr && motion_is_there(*sweep)) {
       map_sweep(*sweep, stop);
       sweeps_.pop();
@@ -60,6 +62,13 @@ void MappingStage::drain_motion() noexcept {
   const std::span<const MotionSample> fresh = std::span(pending_).subspan(before);
   preview_.integrate(fresh, preview_.time(), std::max(preview_.time(), fresh.back().time));
   publish_pose(preview_);
+}
+
+/// A CAN log may begin long before the first sweep: more than pending_ holds.
+void MappingStage::forget_motion_before(SensorTime time) noexcept {
+  const auto first = std::find_if(pending_.begin(), pending_.end(),
+                                  [time](const MotionSample& sample) { return sample.time >= time; });
+  pending_.erase(pending_.begin(), first);
 }
 
 bool MappingStage::motion_is_there(const Sweep& sweep) noexcept {

@@ -43,6 +43,7 @@ class MappingStage {
  private:
   using Clock = std::chrono::steady_clock;
   void drain_motion() noexcept;
+  void forget_motion_before(SensorTime time) noexcept;
   [[nodiscard]] bool motion_is_there(const Sweep& sweep) noexcept;
   void map_sweep(const Sweep& sweep, const std::stop_token& stop) noexcept;
   void publish_pose(const Odometry& odometry) noexcept;

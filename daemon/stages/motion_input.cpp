@@ -2,7 +2,8 @@
 
 namespace roadvec {
 
-const MotionSample* CanInput::front(std::chrono::milliseconds timeout) noexcept {
+template <class Decoder>
+const MotionSample* CanInput<Decoder>::front(std::chrono::milliseconds timeout) noexcept {
   while (samples_.empty() && !over_) {
     const CanReadResult result = reader_->read(frame_, timeout);
     if (result == CanReadResult::quiet) return nullptr;
@@ -12,7 +13,8 @@ const MotionSample* CanInput::front(std::chrono::milliseconds timeout) noexcept 
   return samples_.empty() ? nullptr : &samples_.front();
 }
 
-const MotionSample* XsensInput::front(std::chrono::milliseconds timeout) noexcept {
+template <class Decoder>
+const MotionSample* ImuInput<Decoder>::front(std::chrono::milliseconds timeout) noexcept {
   while (!has_sample_ && !over_) {
     has_sample_ = decoder_.next(bytes_, sample_);
     if (has_sample_) break;
@@ -22,5 +24,10 @@ const MotionSample* XsensInput::front(std::chrono::milliseconds timeout) noexcep
   }
   return has_sample_ ? &sample_ : nullptr;
 }
+
+template class CanInput<MotionDecoder>;
+template class CanInput<ImuCanDecoder>;
+template class ImuInput<XsensDecoder>;
+template class ImuInput<NcomDecoder>;
 
 }  // namespace roadvec

@@ -4,21 +4,25 @@
 #include <chrono>
 #include <cstddef>
 #include <memory>
+#include <type_traits>
 
 #include "core/sensor/motion.h"
 #include "drivers/can/can_reader.h"
 #include "drivers/can/motion_decoder.h"
+#include "drivers/imu/can_imu.h"
 #include "drivers/imu/imu_reader.h"
+#include "drivers/imu/ncom.h"
 #include "drivers/imu/xsens.h"
 
 namespace roadvec {
 
 /// What the vehicle thread's readers and decoders have counted.
 struct VehicleCounts {
-  CanCounters can;
-  MotionCounters motion;
+  CanCounters can, imu_can;
+  MotionCounters motion, imu_motion;
   ImuCounters imu;
   XsensCounters xsens;
+  NcomCounters ncom;
 };
 
 /// One source of motion samples: a bus or an IMU, live or recorded.
@@ -34,44 +38,57 @@ class MotionInput {
   virtual void count(VehicleCounts& counts) const noexcept = 0;
 };
 
+/// A bus whose frames a decoder turns into samples: MotionDecoder for the car, ImuCanDecoder for an inertial sensor.
+template <class Decoder>
 class CanInput final : public MotionInput {
  public:
-  CanInput(std::unique_ptr<CanReader> reader, MotionDecoder decoder)
+  CanInput(std::unique_ptr<CanReader> reader, Decoder decoder)
       : reader_(std::move(reader)), decoder_(std::move(decoder)) {}
   const MotionSample* front(std::chrono::milliseconds timeout) noexcept override;
   void take() noexcept override { samples_ = samples_.subspan(1); }
   [[nodiscard]] bool over() const noexcept override { return over_ && samples_.empty(); }
   void count(VehicleCounts& counts) const noexcept override {
-    counts.can = reader_->counters();
-    counts.motion = decoder_.counters();
+    constexpr bool of_car = std::is_same_v<Decoder, MotionDecoder>;
+    (of_car ? counts.can : counts.imu_can) = reader_->counters();
+    (of_car ? counts.motion : counts.imu_motion) = decoder_.counters();
   }
 
  private:
   std::unique_ptr<CanReader> reader_;
-  MotionDecoder decoder_;
+  Decoder decoder_;
   CanFrame frame_;
   std::span<const MotionSample> samples_;
   bool over_ = false;
 };
 
-class XsensInput final : public MotionInput {
+/// A device whose bytes a decoder for its protocol turns into samples: XsensDecoder or NcomDecoder.
+template <class Decoder>
+class ImuInput final : public MotionInput {
  public:
-  XsensInput(std::unique_ptr<ImuReader> reader, const Mounting& mounting)
+  ImuInput(std::unique_ptr<ImuReader> reader, const Mounting& mounting)
       : reader_(std::move(reader)), decoder_(mounting) {}
   const MotionSample* front(std::chrono::milliseconds timeout) noexcept override;
   void take() noexcept override { has_sample_ = false; }
   [[nodiscard]] bool over() const noexcept override { return over_ && !has_sample_; }
   void count(VehicleCounts& counts) const noexcept override {
     counts.imu = reader_->counters();
-    counts.xsens = decoder_.counters();
+    keep(decoder_.counters(), counts);
   }
 
  private:
+  static void keep(const XsensCounters& from, VehicleCounts& counts) noexcept { counts.xsens = from; }
+  static void keep(const NcomCounters& from, VehicleCounts& counts) noexcept { counts.ncom = from; }
+
   std::unique_ptr<ImuReader> reader_;
-  XsensDecoder decoder_;
+  Decoder decoder_;
   ImuBytes bytes_;
   MotionSample sample_;
   bool has_sample_ = false, over_ = false;
 };
+
+extern template class CanInput<MotionDecoder>;
+extern template class CanInput<ImuCanDecoder>;
+extern template class ImuInput<XsensDecoder>;
+extern template class ImuInput<NcomDecoder>;
 
 }  // namespace roadvec

@@ -26,6 +26,7 @@ struct ImuCounters {
   std::uint64_t byte_count = 0;
   std::uint64_t device_lost_count = 0;  ///< times the device vanished
   std::uint64_t reopened_count = 0;     ///< times it came back
+  std::uint64_t kernel_drop_count = 0;  ///< UDP: datagrams lost because the socket's buffer was full
   std::uint64_t bad_line_count = 0;     ///< log: lines that hold no time and bytes
   std::uint64_t first_bad_line = 0;     ///< its number from 1; 0: none yet
 };

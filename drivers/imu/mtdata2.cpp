@@ -15,13 +15,27 @@ constexpr std::uint8_t kExtendedLength = 0xFF;
 // Data ids, with the bits for precision and frame cleared. [XsensMT0605P, MTData2 packet]
 constexpr unsigned kTypeMask = 0xFFF0;
 enum DataId : unsigned {
+  kTemperature = 0x0810,
+  kUtcTime = 0x1010,
   kPacketCounter = 0x1020,
   kSampleTimeFine = 0x1060,
   kSampleTimeCoarse = 0x1070,
   kQuaternion = 0x2010,
+  kRotationMatrix = 0x2020,
   kEulerAngles = 0x2030,
+  kPressure = 0x3010,
+  kDeltaV = 0x4010,
   kAcceleration = 0x4020,
+  kFreeAcceleration = 0x4030,
+  kAccelerationHr = 0x4040,
+  kAltitude = 0x5020,
+  kPositionEcef = 0x5030,
+  kLatitudeLongitude = 0x5040,
   kRateOfTurn = 0x8020,
+  kDeltaQ = 0x8030,
+  kRateOfTurnHr = 0x8040,
+  kMagneticField = 0xC020,
+  kVelocity = 0xD010,
   kStatusByte = 0xE010,
   kStatusWord = 0xE020,
 };
@@ -66,6 +80,33 @@ bool read_integer(std::span<const std::uint8_t> data, std::size_t size, Integer&
   return true;
 }
 
+template <std::size_t N>
+bool read_vector(std::span<const std::uint8_t> data, unsigned precision, std::optional<std::array<double, N>>& vector) {
+  std::array<double, N> values;
+  if (!read_vector(data, precision, values)) return false;
+  vector = values;
+  return true;
+}
+
+bool read_utc(std::span<const std::uint8_t> data, std::optional<XsensUtc>& utc) {
+  if (data.size() != 12) return false;
+  utc = XsensUtc{static_cast<std::uint32_t>(big_endian(data.first(4))),
+                 static_cast<std::uint16_t>(big_endian(data.subspan(4, 2))),
+                 data[6],
+                 data[7],
+                 data[8],
+                 data[9],
+                 data[10],
+                 data[11]};
+  return true;
+}
+
+bool read_pressure(std::span<const std::uint8_t> data, std::optional<std::uint32_t>& pressure_pa) {
+  if (data.size() != 4) return false;
+  pressure_pa = static_cast<std::uint32_t>(big_endian(data));
+  return true;
+}
+
 bool read_frame(unsigned id, XsensFrame& frame) {
   const unsigned bits = id & 0xC;
   if (bits == 0xC) return false;
@@ -93,6 +134,34 @@ bool read_item(unsigned id, std::span<const std::uint8_t> data, XsensSample& sam
       return sample.has_acceleration = read_vector(data, precision, sample.acceleration_mps2);
     case kRateOfTurn:
       return sample.has_rate = read_vector(data, precision, sample.rate_radps);
+    case kAccelerationHr:
+      return read_vector(data, precision, sample.acceleration_hr_mps2);
+    case kRateOfTurnHr:
+      return read_vector(data, precision, sample.rate_hr_radps);
+    case kDeltaV:
+      return read_vector(data, precision, sample.delta_v_mps);
+    case kDeltaQ:
+      return read_vector(data, precision, sample.delta_q);
+    case kFreeAcceleration:
+      return read_vector(data, precision, sample.free_acceleration_mps2);
+    case kMagneticField:
+      return read_vector(data, precision, sample.magnetic_field);
+    case kVelocity:
+      return read_vector(data, precision, sample.velocity_mps);
+    case kPositionEcef:
+      return read_vector(data, precision, sample.ecef_m);
+    case kLatitudeLongitude:
+      return read_vector(data, precision, sample.latitude_longitude_deg);
+    case kTemperature:
+      return read_vector(data, precision, sample.temperature_c);
+    case kAltitude:
+      return read_vector(data, precision, sample.altitude_m);
+    case kPressure:
+      return read_pressure(data, sample.pressure_pa);
+    case kUtcTime:
+      return read_utc(data, sample.utc);
+    case kRotationMatrix:
+      return sample.has_matrix = read_vector(data, precision, sample.matrix) && read_frame(id, sample.frame);
     case kQuaternion:
       return sample.has_quaternion = read_vector(data, precision, sample.quaternion) && read_frame(id, sample.frame);
     case kEulerAngles:
@@ -117,11 +186,32 @@ std::size_t parse_mtdata2(std::span<const std::uint8_t> content, XsensSample& sa
   return malformed;
 }
 
+XbusFront read_xbus(std::span<const std::uint8_t> bytes, XbusMessage& message) noexcept {
+  if (bytes.empty()) return XbusFront::incomplete;
+  if (bytes[0] != kPreamble) return XbusFront::noise;
+  if (bytes.size() >= 2 && bytes[1] != kMaster) return XbusFront::noise;
+  if (bytes.size() < 4) return XbusFront::incomplete;
+  std::size_t header = 4;
+  std::size_t length = bytes[3];
+  if (length == kExtendedLength) {
+    header = 6;
+    if (bytes.size() < header) return XbusFront::incomplete;
+    length = static_cast<std::size_t>(big_endian(bytes.subspan(4, 2)));
+    if (header + length + 1 > kMaxXbusBytes) return XbusFront::noise;
+  }
+  if (bytes.size() < header + length + 1) return XbusFront::incomplete;
+  unsigned sum = 0;
+  for (const std::uint8_t byte : bytes.subspan(1, header + length)) sum += byte;
+  if ((sum & 0xFF) != 0) return XbusFront::bad_checksum;
+  message = {bytes[2], bytes.subspan(header, length), header + length + 1};
+  return XbusFront::message;
+}
+
 bool Mtdata2Parser::next(std::span<const std::uint8_t>& bytes, XsensSample& sample) noexcept {
   for (;;) {
-    std::span<const std::uint8_t> content;
-    switch (front(content)) {
-      case Front::incomplete: {
+    XbusMessage message;
+    switch (read_xbus(std::span(buffer_).subspan(begin_, end_ - begin_), message)) {
+      case XbusFront::incomplete: {
         if (bytes.empty()) return false;
         std::move(buffer_.begin() + static_cast<std::ptrdiff_t>(begin_),
                   buffer_.begin() + static_cast<std::ptrdiff_t>(end_), buffer_.begin());
@@ -133,51 +223,27 @@ bool Mtdata2Parser::next(std::span<const std::uint8_t>& bytes, XsensSample& samp
         bytes = bytes.subspan(count);
         break;
       }
-      case Front::bad_checksum:
+      case XbusFront::bad_checksum:
         ++counters_.bad_checksum_count;
         [[fallthrough]];
-      case Front::noise:
+      case XbusFront::noise:
         ++counters_.skipped_byte_count;
         ++begin_;
         break;
-      case Front::message: {
-        const std::uint8_t kind = buffer_[begin_ + 2];
-        begin_ = static_cast<std::size_t>(content.data() - buffer_.data()) + content.size() + 1;
-        if (kind == kMtData2) {
+      case XbusFront::message: {
+        begin_ += message.byte_count;
+        if (message.kind == kMtData2) {
           ++counters_.message_count;
-          counters_.malformed_item_count += parse_mtdata2(content, sample);
+          counters_.malformed_item_count += parse_mtdata2(message.content, sample);
           count_lost(sample);
           return true;
         }
         ++counters_.other_message_count;
-        if (kind == kDeviceError) ++counters_.device_error_count;
+        if (message.kind == kDeviceError) ++counters_.device_error_count;
         break;
       }
     }
   }
-}
-
-/// What the unread bytes begin with.
-Mtdata2Parser::Front Mtdata2Parser::front(std::span<const std::uint8_t>& content) const noexcept {
-  const auto unread = std::span(buffer_).subspan(begin_, end_ - begin_);
-  if (unread.empty()) return Front::incomplete;
-  if (unread[0] != kPreamble) return Front::noise;
-  if (unread.size() >= 2 && unread[1] != kMaster) return Front::noise;
-  if (unread.size() < 4) return Front::incomplete;
-  std::size_t header = 4;
-  std::size_t length = unread[3];
-  if (length == kExtendedLength) {
-    header = 6;
-    if (unread.size() < header) return Front::incomplete;
-    length = static_cast<std::size_t>(big_endian(unread.subspan(4, 2)));
-    if (length > kMaxContentBytes) return Front::noise;
-  }
-  if (unread.size() < header + length + 1) return Front::incomplete;
-  unsigned sum = 0;
-  for (const std::uint8_t byte : unread.subspan(1, header + length)) sum += byte;
-  if ((sum & 0xFF) != 0) return Front::bad_checksum;
-  content = unread.subspan(header, length);
-  return Front::message;
 }
 
 void Mtdata2Parser::count_lost(const XsensSample& sample) noexcept {

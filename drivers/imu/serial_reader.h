@@ -12,9 +12,9 @@
 namespace roadvec {
 
 /// Reads a device on a serial line or USB: raw bytes, eight data bits, no parity, no flow control. Nothing is ever
-/// written to it: it must be set to measure, with its outputs configured. A device that vanishes is looked for under
-/// the same path, between 100 ms and 2 s apart; only that allocates. Time: when the bytes were fetched, which the
-/// line's speed puts behind the measurement (a message of 70 bytes takes 6 ms at 115200 baud).
+/// written to it: it must be set to measure, with its outputs configured (see xsens_setup.h). A device that vanishes is
+/// looked for under the same path, between 100 ms and 2 s apart; only that allocates. Time: when the bytes were
+/// fetched, which the line's speed puts behind the measurement (a message of 70 bytes takes 6 ms at 115200 baud).
 class SerialReader : public ImuReader {
  public:
   /// The error names the path and what to do about it.

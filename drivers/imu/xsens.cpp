@@ -9,14 +9,6 @@
 namespace roadvec {
 namespace {
 
-Eigen::Matrix3d rotation(double roll_rad, double pitch_rad, double yaw_rad) {
-  using Eigen::AngleAxisd;
-  using Eigen::Vector3d;
-  return (AngleAxisd(yaw_rad, Vector3d::UnitZ()) * AngleAxisd(pitch_rad, Vector3d::UnitY()) *
-          AngleAxisd(roll_rad, Vector3d::UnitX()))
-      .toRotationMatrix();
-}
-
 /// Axes of the device's reference frame, as columns, in East-North-Up.
 Eigen::Matrix3d R_enu_of(XsensFrame frame) {
   Eigen::Matrix3d R_enu_frame = Eigen::Matrix3d::Identity();
@@ -37,41 +29,43 @@ std::optional<Eigen::Matrix3d> R_frame_sensor_of(const XsensSample& sample) {
     // Fixed-point quaternions are off unit length by their rounding; anything farther off is no rotation.
     if (std::abs(q.squaredNorm() - 1.0) < 0.01) return q.normalized().toRotationMatrix();
   }
+  if (sample.has_matrix && all_finite(sample.matrix)) {
+    // Sent column by column. [XsensMT0605P]
+    const Eigen::Matrix3d R(sample.matrix.data());
+    if ((R * R.transpose() - Eigen::Matrix3d::Identity()).norm() < 0.01) return R;
+  }
   if (!sample.has_euler || !all_finite(sample.euler_deg)) return std::nullopt;
-  return rotation(rad_from_deg(sample.euler_deg[0]), rad_from_deg(sample.euler_deg[1]),
-                  rad_from_deg(sample.euler_deg[2]));
+  return rotation_from(rad_from_deg(sample.euler_deg[0]), rad_from_deg(sample.euler_deg[1]),
+                       rad_from_deg(sample.euler_deg[2]));
+}
+
+/// Of a device that sends turns in place of rates. Nothing after a pause, over which the turns in between are lost.
+std::optional<Eigen::Vector3d> mean_rate(const std::array<double, 4>& delta_q, std::int64_t step_ns) {
+  constexpr std::int64_t kLongestStep_ns = 100'000'000;
+  const Eigen::Quaterniond turn(delta_q[0], delta_q[1], delta_q[2], delta_q[3]);
+  if (step_ns <= 0 || step_ns > kLongestStep_ns || !(std::abs(turn.squaredNorm() - 1.0) < 0.01)) return std::nullopt;
+  const Eigen::AngleAxisd angle_axis(turn.normalized());
+  return angle_axis.axis() * (wrap_rad(angle_axis.angle()) / (static_cast<double>(step_ns) * 1e-9));
 }
 
 }  // namespace
 
-XsensToVehicle::XsensToVehicle(const Mounting& mounting)
-    : R_vehicle_sensor_(rotation(mounting.roll_rad, mounting.pitch_rad, mounting.yaw_rad)) {}
-
-std::optional<ImuSample> XsensToVehicle::convert(const XsensSample& sample) const noexcept {
-  ImuSample imu;
-  if (sample.has_rate && all_finite(sample.rate_radps)) {
-    const Eigen::Vector3d rate_vehicle = R_vehicle_sensor_ * Eigen::Vector3d(sample.rate_radps.data());
-    imu.rate_x_radps = rate_vehicle.x();
-    imu.rate_y_radps = rate_vehicle.y();
-    imu.rate_z_radps = rate_vehicle.z();
-    imu.has_rate = true;
+SensorAxesSample sensor_axes_of(const XsensSample& sample) noexcept {
+  SensorAxesSample axes;
+  if (sample.has_rate) {
+    axes.rate_radps = Eigen::Vector3d(sample.rate_radps.data());
+  } else if (sample.rate_hr_radps) {
+    axes.rate_radps = Eigen::Vector3d(sample.rate_hr_radps->data());
   }
-  if (sample.has_acceleration && all_finite(sample.acceleration_mps2)) {
-    const Eigen::Vector3d acceleration_vehicle = R_vehicle_sensor_ * Eigen::Vector3d(sample.acceleration_mps2.data());
-    imu.acceleration_x_mps2 = acceleration_vehicle.x();
-    imu.acceleration_y_mps2 = acceleration_vehicle.y();
-    imu.acceleration_z_mps2 = acceleration_vehicle.z();
-    imu.has_acceleration = true;
+  if (sample.has_acceleration) {
+    axes.acceleration_mps2 = Eigen::Vector3d(sample.acceleration_mps2.data());
+  } else if (sample.acceleration_hr_mps2) {
+    axes.acceleration_mps2 = Eigen::Vector3d(sample.acceleration_hr_mps2->data());
   }
   if (const std::optional<Eigen::Matrix3d> R_frame_sensor = R_frame_sensor_of(sample)) {
-    const Eigen::Matrix3d R_enu_vehicle = R_enu_of(sample.frame) * *R_frame_sensor * R_vehicle_sensor_.transpose();
-    imu.roll_rad = std::atan2(R_enu_vehicle(2, 1), R_enu_vehicle(2, 2));
-    imu.pitch_rad = -std::asin(std::clamp(R_enu_vehicle(2, 0), -1.0, 1.0));
-    imu.heading_rad = std::atan2(R_enu_vehicle(1, 0), R_enu_vehicle(0, 0));
-    imu.has_orientation = true;
+    axes.R_enu_sensor = R_enu_of(sample.frame) * *R_frame_sensor;
   }
-  if (!imu.has_rate && !imu.has_acceleration && !imu.has_orientation) return std::nullopt;
-  return imu;
+  return axes;
 }
 
 SensorTime XsensClock::unwrap(std::uint32_t time_fine) noexcept {
@@ -88,8 +82,15 @@ SensorTime XsensClock::unwrap(std::uint32_t time_fine) noexcept {
 
 bool XsensDecoder::next(ImuBytes& bytes, MotionSample& sample) noexcept {
   while (parser_.next(bytes.bytes, last_)) {
-    const std::optional<ImuSample> imu = to_vehicle_.convert(last_);
     const SensorTime device_time = last_.has_time_fine ? clock_.unwrap(last_.time_fine) : SensorTime{};
+    SensorAxesSample axes = sensor_axes_of(last_);
+    if (last_.has_time_fine) {
+      if (!axes.rate_radps && last_.delta_q && last_time_) {
+        axes.rate_radps = mean_rate(*last_.delta_q, device_time - *last_time_);
+      }
+      last_time_ = device_time;
+    }
+    const std::optional<ImuSample> imu = to_vehicle_.convert(axes);
     if (!imu) continue;
     if (!bytes.has_time && !last_.has_time_fine) {
       ++untimed_count_;

@@ -1,32 +1,18 @@
 #pragma once
 
-#include <Eigen/Core>
 #include <cstdint>
 #include <optional>
 
 #include "core/sensor/motion.h"
 #include "drivers/imu/imu_reader.h"
 #include "drivers/imu/mtdata2.h"
+#include "drivers/imu/vehicle_axes.h"
 
 namespace roadvec {
 
-/// How a sensor is turned in the vehicle: R_vehicle_sensor = Rz(yaw) Ry(pitch) Rx(roll).
-struct Mounting {
-  double roll_rad = 0, pitch_rad = 0, yaw_rad = 0;
-};
-
-/// Turns what the device says into the vehicle's axes: rates and accelerations are rotated; the orientation becomes
-/// roll, pitch and heading of the vehicle, East-North-Up whatever frame the device reports in. Rates and accelerations
-/// stay those at the sensor's place. Pure.
-class XsensToVehicle {
- public:
-  explicit XsensToVehicle(const Mounting& mounting);
-  /// Nothing when the message holds neither rate nor acceleration nor orientation, or none that is a finite number.
-  [[nodiscard]] std::optional<ImuSample> convert(const XsensSample& sample) const noexcept;
-
- private:
-  Eigen::Matrix3d R_vehicle_sensor_;
-};
+/// What a message says about motion, in the sensor's axes. Orientation: from quaternion, matrix or angles, whichever
+/// comes first, and East-North-Up whatever frame the device reports in. Pure.
+[[nodiscard]] SensorAxesSample sensor_axes_of(const XsensSample& sample) noexcept;
 
 /// Device time without end: SampleTimeFine counts 100 us and wraps after 119 hours.
 class XsensClock {
@@ -54,9 +40,10 @@ class XsensDecoder {
 
  private:
   Mtdata2Parser parser_;
-  XsensToVehicle to_vehicle_;
+  SensorToVehicle to_vehicle_;
   XsensClock clock_;
   XsensSample last_;
+  std::optional<SensorTime> last_time_;  ///< by the device's clock
   std::uint64_t untimed_count_ = 0;
 };
 

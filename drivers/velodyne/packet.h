@@ -50,6 +50,11 @@ struct RawPacket {
 [[nodiscard]] inline std::uint32_t device_time_us(const PacketBytes& bytes) noexcept {
   return u16_at(bytes, kDeviceTimeOffset) | static_cast<std::uint32_t>(u16_at(bytes, kDeviceTimeOffset + 2)) << 16;
 }
+/// Times past the hour differ by this: into [-half an hour, half an hour).
+[[nodiscard]] inline std::int64_t wrap_hour_ns(std::int64_t ns) noexcept {
+  const std::int64_t forward_ns = ((ns % kHour_ns) + kHour_ns) % kHour_ns;
+  return forward_ns < kHour_ns / 2 ? forward_ns : forward_ns - kHour_ns;
+}
 /// The way round the circle from a to b, in [-18000, 18000).
 [[nodiscard]] inline int azimuth_step_cdeg(int a_cdeg, int b_cdeg) noexcept {
   const int forward = (b_cdeg - a_cdeg + kFullCircle_cdeg) % kFullCircle_cdeg;

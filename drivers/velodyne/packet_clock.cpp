@@ -12,14 +12,10 @@ constexpr std::int64_t kLongestReordering_ns = 100 * kMillisecond_ns;
 constexpr std::int64_t kClocksAgree_ns = 500 * kMillisecond_ns;
 /// A pause by the host's clock alone (the sensor's was set meanwhile) that is more than scheduling.
 constexpr std::int64_t kHostPause_ns = 50 * kMillisecond_ns;
+/// The kernel stamps a socket's packets in order: stamps go back only when the host's clock is set.
+constexpr std::int64_t kHostWentBack_ns = -kMillisecond_ns;
 /// Crystals of sensor and host differ by less than this; so fast may the offset follow a sensor that runs slow.
 constexpr std::int64_t kDriftDivisor = 10'000;  // 100 parts in a million
-
-/// Into [-half an hour, half an hour).
-std::int64_t wrap_hour_ns(std::int64_t ns) noexcept {
-  const std::int64_t forward_ns = ((ns % kHour_ns) + kHour_ns) % kHour_ns;
-  return forward_ns < kHour_ns / 2 ? forward_ns : forward_ns - kHour_ns;
-}
 
 std::uint32_t packets_missing(std::int64_t step_ns, std::uint32_t duration_ns) noexcept {
   const std::int64_t period_count = (step_ns + duration_ns / 2) / duration_ns;
@@ -50,6 +46,8 @@ PacketTiming PacketClock::place(const RawPacket& packet, std::uint32_t duration_
   counters_.device_time_gaps.add(timing.lost_before_count);
   timing.first_firing = first_firing(packet, duration_ns, step, device_step_ns);
 
+  state_.device_minus_host_ns = wrap_hour_ns(device_ns - (packet.arrived - duration_ns).ns % kHour_ns);
+  if (step == Step::clock_step) state_.last_step = {device_step_ns - host_step_ns, packet.arrived};
   started_ = true;
   last_arrived_ = packet.arrived;
   last_device_ns_ = device_ns;
@@ -65,7 +63,9 @@ PacketClock::Step PacketClock::classify(std::int64_t device_step_ns, std::int64_
     const bool head_went_on = azimuth_step_cdeg(last_azimuth_cdeg_, azimuth_cdeg) > 0;
     return head_went_on ? Step::clock_step : Step::stale;
   }
-  if (device_step_ns < 0 || std::llabs(device_step_ns - host_step_ns) > kClocksAgree_ns) return Step::clock_step;
+  if (device_step_ns < 0 || host_step_ns < kHostWentBack_ns ||
+      std::llabs(device_step_ns - host_step_ns) > kClocksAgree_ns)
+    return Step::clock_step;
   return Step::forward;
 }
 

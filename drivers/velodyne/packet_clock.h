@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "core/base/time.h"
 #include "drivers/velodyne/counters.h"
@@ -30,6 +31,16 @@ struct PacketTiming {
   bool stale = false;                   ///< out of order or a duplicate: its firings lie before those already seen
 };
 
+/// How the sensor's clock stands to the host's, for people.
+struct PacketClockState {
+  struct ClockStep {
+    std::int64_t size_ns = 0;  ///< what the sensor's clock went on more than the host's
+    SensorTime time;
+  };
+  std::int64_t device_minus_host_ns = 0;  ///< stamp minus first firing by its arrival, modulo an hour
+  std::optional<ClockStep> last_step;
+};
+
 /// Turns packets' stamps into the times of their first firings, and sees by the sensor's clock what is missing or out
 /// of order: data packets carry no number. The sensor counts microseconds past the hour and may run past 3600 s before
 /// it starts again, so a step is taken modulo an hour into +-30 minutes. Pure; no allocation.
@@ -40,6 +51,7 @@ class PacketClock {
   /// `duration_ns`: all firings of the packet; `azimuth_cdeg`: of its first usable reading.
   [[nodiscard]] PacketTiming place(const RawPacket& packet, std::uint32_t duration_ns,
                                    std::uint16_t azimuth_cdeg) noexcept;
+  [[nodiscard]] const PacketClockState& state() const { return state_; }
 
  private:
   enum class Step : std::uint8_t { first, forward, stale, clock_step };
@@ -50,6 +62,7 @@ class PacketClock {
 
   PacketClockOptions options_;
   LidarCounters& counters_;
+  PacketClockState state_;
   bool started_ = false;
   SensorTime last_arrived_;
   std::int64_t last_device_ns_ = 0;  ///< past the hour

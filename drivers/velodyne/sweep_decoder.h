@@ -34,6 +34,7 @@ class SweepDecoder {
 
   /// The packet last added; for reports.
   [[nodiscard]] const DecodedPacket& last_packet() const { return decoded_; }
+  [[nodiscard]] const PacketClock& clock() const { return clock_; }
   [[nodiscard]] const PacketDecoder& decoder() const { return decoder_; }
   [[nodiscard]] bool calibrated() const { return calibrated_; }
   /// Of an HDL-64E; other heads say nothing.

@@ -6,14 +6,14 @@
 #include <string>
 
 #include "core/base/ensure.h"
-#include "drivers/velodyne/frame.h"
+#include "drivers/recording/frame.h"
 #include "drivers/velodyne/pcap_reader.h"
 
 // The input as one captured frame of each link layer, and as a whole capture.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace roadvec;
-  for (const LinkLayer link :
-       {LinkLayer::ethernet, LinkLayer::linux_cooked, LinkLayer::linux_cooked2, LinkLayer::raw_ip}) {
+  for (const LinkLayer link : {LinkLayer::ethernet, LinkLayer::linux_cooked, LinkLayer::linux_cooked2,
+                               LinkLayer::raw_ip, LinkLayer::loopback}) {
     const CapturedFrame frame = parse_frame(link, {data, size});
     if (frame.datagram)
       ENSURE(frame.datagram->payload.size() <= size && frame.datagram->payload.size() <= frame.datagram->length);

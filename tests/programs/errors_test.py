@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import socket
 
 import programs
@@ -65,8 +66,8 @@ class DriveErrors(ProgramTest):
         (drive / "lidar.pcap").unlink()
         write_pcap_start(drive / "lidar.pcap", 14_000, part_bytes=700)
         result = self.map_drive(drive)
-        self.assertEqual(result.returncode, FAILURE)
-        self.assertRegex(result.stderr.strip().splitlines()[-1], r"lidar\.pcap.*truncated")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(len(re.findall(r"lidar\.pcap.*cut off", result.stderr)), 1, result.stderr)
         report = read_json(self.folder / "map/report.json")
         self.assertEqual(counters_of(report, "lidar")["received"], 14_000)
         self.assertGreater(report["keyframes"], 0)

@@ -9,31 +9,54 @@
 namespace roadvec {
 namespace {
 
-constexpr std::array kModels{LidarModel::hdl64e_s2,   LidarModel::hdl64e_s3, LidarModel::hdl32e, LidarModel::vlp16,
-                             LidarModel::puck_hi_res, LidarModel::vlp32c,    LidarModel::vls128};
+/// What tells a model's packets. Periods in microseconds, as sent with one return of a firing and with two; 0: not
+/// sent.
+struct Trait {
+  LidarModel model;
+  std::string_view name;
+  int bank_count;
+  std::int64_t single_us, dual_us;
+  std::uint8_t product_id;
+};
+// Periods from the makers' firing times, that of a VLS-128 as measured: its manuals give 160 to 173 us.
+constexpr std::array<Trait, 7> kTraits{{{LidarModel::hdl64e_s2, "HDL-64E S2", 2, 288, 0, 0},
+                                        {LidarModel::hdl64e_s3, "HDL-64E S3", 2, 346, 173, 0},
+                                        {LidarModel::hdl32e, "HDL-32E", 1, 553, 276, 0x21},
+                                        {LidarModel::vlp16, "VLP-16", 1, 1327, 664, 0x22},
+                                        {LidarModel::puck_hi_res, "Puck Hi-Res", 1, 1327, 664, 0x24},
+                                        {LidarModel::vlp32c, "VLP-32C", 1, 664, 332, 0x28},
+                                        {LidarModel::vls128, "VLS-128", 4, 166, 55, 0xA1}}};
 
-int banks_in(const PacketBytes& bytes) {
-  int bank_count = 0;
+const Trait& trait_of(LidarModel model) { return *std::ranges::find(kTraits, model, &Trait::model); }
+
+int bank_count_of(const PacketBytes& bytes) {
+  int count = 0;
   for (int block = 0; block < kBlocksPerPacket; ++block) {
-    const auto* const flag = std::ranges::find(kBankFlags, block_flag(bytes, block));
-    bank_count = std::max(bank_count, flag == kBankFlags.end() ? 0 : static_cast<int>(flag - kBankFlags.begin()) + 1);
+    const auto bank = std::ranges::find(kBankFlags, block_flag(bytes, block)) - kBankFlags.begin();
+    if (bank < static_cast<std::ptrdiff_t>(kBankFlags.size())) count = std::max(count, static_cast<int>(bank) + 1);
   }
-  return bank_count == 3 ? 0 : bank_count;
+  return count;
 }
 
-bool azimuths_pair(const PacketBytes& bytes, int bank_count) {
-  for (int block = 0; block < kBlocksPerPacket; block += 2 * bank_count) {
-    if (block_azimuth_cdeg(bytes, block) != block_azimuth_cdeg(bytes, block + bank_count)) return false;
+/// The same azimuth in neighbouring groups of blocks, and not in all of them, as of a head that stands.
+bool azimuths_repeat(const PacketBytes& bytes, int blocks_apart) {
+  const int last = kBlocksPerPacket - 1;
+  for (int block = 0; block + 2 * blocks_apart <= kBlocksPerPacket; block += 2 * blocks_apart) {
+    if (block_azimuth_cdeg(bytes, block) != block_azimuth_cdeg(bytes, block + blocks_apart)) return false;
   }
-  return block_azimuth_cdeg(bytes, 0) != block_azimuth_cdeg(bytes, kBlocksPerPacket - 1);
+  return block_azimuth_cdeg(bytes, 0) != block_azimuth_cdeg(bytes, last);
 }
 
-/// Of a packet of the surveyed kind, if `model` had sent it.
-std::int64_t expected_period_us(const Survey& survey, LidarModel model) {
-  const ModelFacts& facts = facts_of(model);
-  const bool dual = survey.dual_return && facts.dual != DualLayout::none;
-  const int group_count = kBlocksPerPacket / group_layout(model, dual).block_count;
-  return static_cast<std::int64_t>(group_count) * facts.group_period_ns / 1000;
+bool is_dual(const PacketBytes& bytes, int bank_count) {
+  if (bank_count == 2) return azimuths_repeat(bytes, 2);
+  if (bank_count == 4) return block_flag(bytes, 0) == block_flag(bytes, 1);
+  return bytes[kReturnModeOffset] == kDualReturnMode && azimuths_repeat(bytes, 1);
+}
+
+std::string hex(const char* format, unsigned value) {
+  std::array<char, 40> text{};
+  std::snprintf(text.data(), text.size(), format, value);
+  return text.data();
 }
 
 }  // namespace
@@ -43,12 +66,13 @@ Survey survey(std::span<const RawPacket> packets) {
   result.packet_count = packets.size();
   if (packets.empty()) return result;
   const PacketBytes& first = packets.front().bytes;
-  result.bank_count = banks_in(first);
-  const bool says_dual = first[kReturnModeOffset] == kDualReturnMode;
-  result.dual_return = result.bank_count == 4   ? says_dual
-                       : result.bank_count == 2 ? azimuths_pair(first, 2)
-                                                : result.bank_count == 1 && says_dual && azimuths_pair(first, 1);
+  result.bank_count = bank_count_of(first);
+  result.return_mode = first[kReturnModeOffset];
   result.product_id = first[kProductIdOffset];
+  // One packet may lie at a place where neighbouring readings are equal by chance.
+  const auto dual_count =
+      std::ranges::count_if(packets, [&](const RawPacket& packet) { return is_dual(packet.bytes, result.bank_count); });
+  result.dual_return = 2 * dual_count > static_cast<std::ptrdiff_t>(packets.size());
   std::vector<std::int64_t> steps_us;
   for (std::size_t i = 1; i < packets.size(); ++i) {
     const std::int64_t step = std::int64_t{device_time_us(packets[i].bytes)} - device_time_us(packets[i - 1].bytes);
@@ -63,37 +87,43 @@ Survey survey(std::span<const RawPacket> packets) {
   return result;
 }
 
+std::string_view model_text(LidarModel model) { return trait_of(model).name; }
+
 std::optional<LidarModel> likely_model(const Survey& survey) {
-  // Heads that fit alike (VLP-16 and Puck Hi-Res, HDL-32E and VLP-32C in part) are told apart by what they claim.
-  std::optional<LidarModel> maybe_likely;
-  for (const LidarModel model : kModels) {
-    if (!misfit(survey, model).empty()) continue;
-    const std::uint8_t id = facts_of(model).product_id;
-    if (id != 0 && id == survey.product_id) return model;
-    if (!maybe_likely) maybe_likely = model;
+  std::optional<LidarModel> likely;
+  for (const Trait& trait : kTraits) {
+    if (!misfit(survey, trait.model).empty()) continue;
+    if (!likely || trait.product_id == survey.product_id) likely = trait.model;
   }
-  return maybe_likely;
+  return likely;
 }
 
 std::string claimed_model(const Survey& survey) {
   if (survey.bank_count == 2) return "nothing (an HDL-64E sends status there)";
-  for (const LidarModel model : kModels) {
-    if (facts_of(model).product_id == survey.product_id) return std::string(name_of(model));
+  for (const Trait& trait : kTraits) {
+    if (trait.product_id == survey.product_id) return std::string(trait.name);
   }
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "an unknown model (0x%02X)", survey.product_id);
-  return text.data();
+  return hex("an unknown model (0x%02X)", survey.product_id);
+}
+
+std::string return_mode(const Survey& survey) {
+  if (survey.dual_return) return "dual";
+  if (survey.bank_count == 2) return "single";
+  if (survey.return_mode == kStrongestReturnMode) return "strongest";
+  if (survey.return_mode == kLastReturnMode) return "last";
+  return hex("unknown (0x%02X, old firmware)", survey.return_mode);
 }
 
 std::string misfit(const Survey& survey, LidarModel model) {
-  const std::string name(name_of(model));
-  const int bank_count = facts_of(model).bank_count;
-  if (survey.bank_count != bank_count) {
+  const Trait& trait = trait_of(model);
+  const std::string name(trait.name);
+  if (survey.bank_count != trait.bank_count) {
     return "the packets have " + std::to_string(survey.bank_count) + " laser banks, a " + name + " has " +
-           std::to_string(bank_count);
+           std::to_string(trait.bank_count);
   }
-  const std::int64_t expected_us = expected_period_us(survey, model);
-  if (survey.packet_period_us != 0 && std::llabs(survey.packet_period_us - expected_us) > expected_us / 10) {
+  const std::int64_t expected_us = survey.dual_return ? trait.dual_us : trait.single_us;
+  if (expected_us == 0) return "the packets hold two returns of a firing, a " + name + " sends one";
+  if (survey.packet_period_us != 0 && std::llabs(survey.packet_period_us - expected_us) > expected_us / 12) {
     return "a packet takes " + std::to_string(survey.packet_period_us) + " us, that of a " + name + " " +
            std::to_string(expected_us) + " us";
   }

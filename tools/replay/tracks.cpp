@@ -1,7 +1,5 @@
 #include "tools/replay/tracks.h"
 
-#include <pcap/pcap.h>
-
 #include <algorithm>
 #include <cstdio>
 
@@ -11,22 +9,6 @@
 
 namespace roadvec {
 namespace {
-
-std::optional<LinkLayer> link_layer_of(pcap_t* file) {
-  switch (pcap_datalink(file)) {
-    case DLT_EN10MB:
-      return LinkLayer::ethernet;
-    case DLT_LINUX_SLL:
-      return LinkLayer::linux_cooked;
-    case DLT_LINUX_SLL2:
-      return LinkLayer::linux_cooked2;
-    case DLT_RAW:
-    case DLT_IPV4:
-      return LinkLayer::raw_ip;
-    default:
-      return std::nullopt;
-  }
-}
 
 std::span<const std::uint8_t> bytes_of(const std::string& text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
@@ -41,8 +23,6 @@ Expected<void> reopen(const std::string& path, std::optional<RecordingFile>& fil
 
 }  // namespace
 
-void LidarTrack::Close::operator()(pcap* file) const { pcap_close(file); }
-
 LidarTrack::LidarTrack(Source source, std::string destination, UdpOutput data, std::optional<UdpOutput> position)
     : Track("lidar"),
       source_(std::move(source)),
@@ -51,37 +31,26 @@ LidarTrack::LidarTrack(Source source, std::string destination, UdpOutput data, s
       position_(std::move(position)) {}
 
 Expected<void> LidarTrack::rewind() {
-  std::array<char, PCAP_ERRBUF_SIZE> why{};
-  file_.reset(pcap_open_offline_with_tstamp_precision(source_.pcap.c_str(), PCAP_TSTAMP_PRECISION_NANO, why.data()));
-  if (!file_)
-    return fail(source_.pcap + ": not a pcap that can be read: " + why.data() + "; capture with tcpdump or Wireshark");
-  const auto link = link_layer_of(file_.get());
-  if (!link) return fail(source_.pcap + ": this link layer is not supported; capture on an Ethernet interface");
-  link_ = *link;
+  Expected<CaptureFile> file = CaptureFile::open(source_.pcap);
+  if (!file) return tl::make_unexpected(file.error());
+  file_.emplace(std::move(*file));
   return {};
 }
 
 std::optional<SensorTime> LidarTrack::next() {
-  pcap_pkthdr* header = nullptr;
-  const u_char* bytes = nullptr;
-  int result = 0;
-  while ((result = pcap_next_ex(file_.get(), &header, &bytes)) == 1) {
-    if (!take({bytes, header->caplen})) {
-      count_skipped();
-      continue;
-    }
-    constexpr std::int64_t kLatest_s = std::int64_t{1} << 33;  // year 2242: sums of times stay within 64 bits
-    return SensorTime{std::clamp<std::int64_t>(header->ts.tv_sec, 0, kLatest_s) * 1'000'000'000 +
-                      std::clamp<std::int64_t>(header->ts.tv_usec, 0, 999'999'999)};  // nanoseconds were asked for
+  CaptureFile::Frame frame;
+  CaptureFile::Next next{};
+  while ((next = file_->next(frame)) == CaptureFile::Next::frame) {
+    if (take(frame.bytes)) return frame.time;
+    count_skipped();
   }
-  if (result != PCAP_ERROR_BREAK)
-    warn(source_.pcap + ": damaged or cut off: " + pcap_geterr(file_.get()) + "; played up to there");
+  if (next != CaptureFile::Next::end) warn(file_->problem());
   return std::nullopt;
 }
 
 /// False: not from this sensor, or not whole.
 bool LidarTrack::take(std::span<const std::uint8_t> frame) {
-  const CapturedFrame captured = parse_frame(link_, frame);
+  const CapturedFrame captured = parse_frame(file_->link(), frame);
   if (!captured.datagram) return false;
   const UdpDatagram& datagram = *captured.datagram;
   is_position_ = datagram.destination_port == kPositionPort && source_.port != kPositionPort;

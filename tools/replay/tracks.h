@@ -2,14 +2,13 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <span>
 
 #include "drivers/imu/log_reader.h"
+#include "drivers/recording/capture_file.h"
 #include "drivers/recording/recording_file.h"
-#include "drivers/velodyne/frame.h"
 #include "tools/replay/track.h"
-
-struct pcap;
 
 namespace roadvec {
 
@@ -32,18 +31,14 @@ class LidarTrack final : public Track {
   std::string destination() const override { return destination_; }
 
  private:
-  struct Close {
-    void operator()(pcap* file) const;
-  };
   [[nodiscard]] bool take(std::span<const std::uint8_t> frame);
 
   Source source_;
   std::string destination_;
   UdpOutput data_;
   std::optional<UdpOutput> position_;
-  std::unique_ptr<pcap, Close> file_;
-  LinkLayer link_ = LinkLayer::ethernet;
-  std::span<const std::uint8_t> payload_;  ///< of the current packet; belongs to libpcap until the next one
+  std::optional<CaptureFile> file_;
+  std::span<const std::uint8_t> payload_;  ///< of the current packet; belongs to file_ until the next one
   bool is_position_ = false;
 };
 

@@ -97,6 +97,35 @@ TEST(Mtdata2, every_item_is_read_in_each_of_the_four_precisions) {
   }
 }
 
+TEST(Mtdata2, what_only_some_devices_send_is_read_in_each_precision_too) {
+  const Bytes utc = big_endian(500'000'000, 4) + big_endian(2026, 2) + Bytes{11, 22, 8, 4, 16, 7};
+  for (const unsigned precision : {0U, 1U, 2U, 3U}) {
+    const Bytes vector = vector_in(precision);
+    const Bytes scalar(vector.begin(), vector.begin() + static_cast<long>(vector.size() / 3));
+    Bytes content = item(0x1010, utc) + item(0x3010, big_endian(101'325, 4));
+    for (const unsigned id : {0x4010U, 0x4030U, 0x4040U, 0x8040U, 0xC020U, 0xD010U, 0x5030U})
+      content = content + item(id | precision, vector);
+    content = content + item(0x8030 | precision, vector + scalar) +
+              item(0x5040 | precision, Bytes(vector.begin(), vector.begin() + static_cast<long>(2 * scalar.size()))) +
+              item(0x0810 | precision, scalar) + item(0x5020 | precision, scalar) +
+              item(0x2020 | precision, vector + vector + vector);
+    const XsensSample sample = only_sample(message(content));
+    for (const auto& read : {sample.delta_v_mps, sample.free_acceleration_mps2, sample.acceleration_hr_mps2,
+                             sample.rate_hr_radps, sample.magnetic_field, sample.velocity_mps, sample.ecef_m})
+      EXPECT_THAT(read.value(), testing::ElementsAre(1.5, -2.25, 0.5)) << precision;
+    EXPECT_THAT(sample.delta_q.value(), testing::ElementsAre(1.5, -2.25, 0.5, 1.5));
+    EXPECT_THAT(sample.latitude_longitude_deg.value(), testing::ElementsAre(1.5, -2.25));
+    EXPECT_EQ(sample.temperature_c.value()[0], 1.5);
+    EXPECT_EQ(sample.altitude_m.value()[0], 1.5);
+    EXPECT_EQ(sample.pressure_pa, 101'325U);
+    EXPECT_TRUE(sample.has_matrix);
+    EXPECT_EQ(sample.matrix[4], -2.25);
+    EXPECT_EQ(sample.utc->year, 2026);
+    EXPECT_EQ(sample.utc->second, 16);
+    EXPECT_EQ(sample.utc->nanosecond, 500'000'000U);
+  }
+}
+
 TEST(Mtdata2, times_counter_and_status_are_read) {
   const XsensSample sample = only_sample(
       message(item(0x1020, big_endian(0xABCD, 2)) + item(0x1060, big_endian(0x12345678, 4)) +
@@ -118,7 +147,7 @@ TEST(Mtdata2, the_frame_of_an_orientation_is_in_its_id) {
 
 TEST(Mtdata2, unknown_items_are_passed_over_by_their_size) {
   const XsensSample sample =
-      only_sample(message(item(0x7010, Bytes(94)) + item(0x0810, {}) + item(0x8020, vector_in(0))));
+      only_sample(message(item(0x7010, Bytes(94)) + item(0x7020, {}) + item(0x8020, vector_in(0))));
   EXPECT_TRUE(sample.has_rate);
   EXPECT_FALSE(sample.has_acceleration);
 }

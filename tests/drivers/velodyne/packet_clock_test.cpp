@@ -2,6 +2,9 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
+#include <random>
+
 #include "tests/drivers/velodyne/packets.h"
 
 namespace roadvec {
@@ -106,6 +109,53 @@ TEST(PacketClock, takes_a_jump_of_the_sensors_clock_for_neither_loss_nor_reorder
   EXPECT_EQ(bench.counts().clock_steps, 2U);
 }
 
+TEST(PacketClock, tells_how_far_and_when_a_clock_stepped) {
+  ClockBench bench;
+  bench.place(0);
+  EXPECT_EQ(bench.clock.state().last_step, std::nullopt);
+  bench.first_device_us += 900'000'000;
+  bench.place(1);
+  EXPECT_EQ(bench.clock.state().last_step->size_ns, 900'000'000'000);
+  bench.first_arrival_ns -= 30'000'000'000;  // the host is set back by half a minute
+  const SensorTime arrived{bench.first_arrival_ns + 2 * 288'000};
+  bench.place(2);
+  EXPECT_EQ(bench.clock.state().last_step->size_ns, 30'000'000'000);
+  EXPECT_EQ(bench.clock.state().last_step->time, arrived);
+  EXPECT_EQ(bench.counts().clock_steps, 2U);
+}
+
+TEST(PacketClock, a_host_set_back_a_little_is_a_step_and_no_reordering) {
+  ClockBench bench;
+  bench.place(0);
+  bench.first_arrival_ns -= 200'000'000;
+  EXPECT_FALSE(bench.place(1).stale);
+  EXPECT_EQ(bench.counts().clock_steps, 1U);
+  EXPECT_EQ(bench.counts().device_time_gaps, 0U);
+}
+
+TEST(PacketClock, tells_how_the_stamps_stand_to_the_host) {
+  ClockBench bench;  // the host is 800 s past an hour, the sensor says 1000 s
+  bench.place(0);
+  EXPECT_EQ(bench.clock.state().device_minus_host_ns, 200'000'000'000 + kDuration_ns);
+}
+
+TEST(PacketClock, utc_stamps_go_on_over_the_hour_whether_they_tell_of_the_first_or_the_last_firing) {
+  constexpr std::int64_t kFullHour_ns = 1'700'000'000'000'000'000 + 2'800'000'000'000;
+  for (const PacketStampMeaning meaning : {PacketStampMeaning::first_firing, PacketStampMeaning::last_firing}) {
+    ClockBench bench({.base = PacketTimeBase::device_utc, .stamp = meaning});
+    bench.first_arrival_ns = kFullHour_ns - 3 * 288'000 + 100;  // the hour is full inside a packet
+    bench.first_device_us = 3'600'000'000 - 3 * 288 - 100;
+    std::int64_t previous_ns = bench.place(0).first_firing.ns;
+    for (int i = 1; i < 8; ++i) {
+      const PacketTiming timing = bench.place(i);
+      EXPECT_FALSE(timing.stale);
+      EXPECT_EQ(timing.first_firing.ns - previous_ns, 288'000);
+      previous_ns = timing.first_firing.ns;
+    }
+    EXPECT_EQ(bench.counts().clock_steps, 0U);
+  }
+}
+
 TEST(PacketClock, keeps_even_intervals_by_the_sensors_clock_whatever_delays_the_arrivals) {
   ClockBench bench({.base = PacketTimeBase::device});
   bench.place(0);
@@ -142,6 +192,38 @@ TEST(PacketClock, reads_the_stamp_as_utc_and_the_hour_from_the_arrival) {
             kFullHour_ns - 1'000'000);
   EXPECT_EQ(first_firing(PacketStampMeaning::first_firing, 3'600'060'000, kFullHour_ns + 61'000'000),
             kFullHour_ns + 60'000'000);
+}
+
+TEST(PacketClock, points_never_go_back_within_a_sweep_whatever_the_clocks_do) {
+  for (unsigned seed = 0; seed < 12; ++seed) {
+    std::mt19937 random(seed);
+    const auto base = static_cast<PacketTimeBase>(seed % 3);
+    const auto meaning = static_cast<PacketStampMeaning>(seed / 3 % 2);
+    Bench bench(LidarModel::hdl32e, {.decode = {}, .clock = {.base = base, .stamp = meaning}, .assemble = {}});
+    FakeHead head(LidarModel::hdl32e);
+    head.device_us = 3'599'900'000;  // the hour is soon full
+    RawPacket held = head.next();
+    for (int i = 0; i < 1000; ++i) {
+      RawPacket packet = head.next();
+      const auto event = random() % 200;
+      if (event == 0) head.device_us += 1'800'000'000 - static_cast<std::int64_t>(random() % 3'600'000'000);
+      if (event == 1)
+        head.arrival = head.arrival + (2'000'000'000 - static_cast<std::int64_t>(random() % 4'000'000'000));
+      if (event == 2) packet.arrived = packet.arrived + static_cast<std::int64_t>(random() % 50'000'000);
+      if (event == 3) std::swap(packet, held);
+      if (event != 4) bench.driver.add(packet);
+    }
+    bench.driver.finish();
+    for (const Sweep& sweep : bench.sink.sweeps) {
+      EXPECT_LE(sweep.start, sweep.end);
+      EXPECT_TRUE(std::is_sorted(sweep.returns.begin(), sweep.returns.end(),
+                                 [](const Return& a, const Return& b) { return a.time_ns < b.time_ns; }))
+          << "seed " << seed;
+      if (!sweep.returns.empty()) {
+        EXPECT_LE(sweep.returns.back().time_ns, sweep.end - sweep.start) << "seed " << seed;
+      }
+    }
+  }
 }
 
 }  // namespace

@@ -137,6 +137,66 @@ TEST(UdpReceiver, counts_what_the_kernel_dropped_from_a_full_buffer) {
   EXPECT_EQ(reception.counts().received, first_count + 1);
 }
 
+TEST(UdpReceiver, takes_the_first_of_two_sensors_and_tells_of_both) {
+  Reception reception;
+  Sender first(reception.receiver->port()), second(reception.receiver->port(), kLoopback + 1);
+  second.send(100);  // not a data packet: no sensor
+  first.send(kPacketBytes, 1);
+  second.send(kPacketBytes, 2);
+  first.send(kPacketBytes, 3);
+  EXPECT_EQ(reception.read_all().size(), 2U);
+  EXPECT_EQ(reception.counts().foreign_source, 1U);
+  EXPECT_EQ(reception.counts().wrong_length, 1U);
+  EXPECT_TRUE(reception.receiver->senders()->ambiguous());
+  EXPECT_EQ(reception.receiver->senders()->list(), "127.0.0.1, 127.0.0.2");
+}
+
+TEST(UdpReceiver, tells_who_sends_when_its_own_sensor_does_not) {
+  Reception reception({.source_ipv4 = kLoopback});
+  Sender stranger(reception.receiver->port(), kLoopback + 1);
+  stranger.send(kPacketBytes);
+  EXPECT_TRUE(reception.read_all().empty());
+  EXPECT_FALSE(reception.receiver->senders()->ambiguous());
+  EXPECT_EQ(reception.receiver->senders()->list(), "127.0.0.2");
+}
+
+/// A port that was free a moment ago.
+int free_port() { return Reception().receiver->port(); }
+
+TEST(UdpReceiver, takes_position_packets_from_their_own_port) {
+  Reception reception({.position_port = free_port()});
+  ASSERT_NE(reception.receiver->position_port(), 0) << reception.receiver->warning();
+  Sender data(reception.receiver->port()), position(reception.receiver->position_port());
+  for (const std::size_t length : {512U, 511U, 513U, 1206U, 0U}) position.send(length, 7);
+  data.send(kPacketBytes, 1);
+  data.send(kPositionPacketBytes, 1);  // on the data port it is one of a wrong length
+  std::vector<RawPositionPacket> positions;
+  std::size_t packet_count = 0;
+  std::span<const RawPacket> batch;
+  for (int quiet_count = 0; quiet_count < 2;) {
+    if (reception.receiver->read(batch, 20ms) == ReadResult::quiet) ++quiet_count;
+    packet_count += batch.size();
+    positions.insert(positions.end(), reception.receiver->positions().begin(), reception.receiver->positions().end());
+  }
+  EXPECT_EQ(packet_count, 1U);
+  ASSERT_EQ(positions.size(), 1U);
+  EXPECT_EQ(positions[0].bytes[511], 7);
+  EXPECT_GT(positions[0].arrived.ns, 0);
+  EXPECT_EQ(reception.counts().position_packets, 1U);
+  EXPECT_EQ(reception.counts().position_wrong_length, 4U);
+  EXPECT_EQ(reception.counts().wrong_length, 1U);
+}
+
+TEST(UdpReceiver, goes_on_without_position_packets_when_their_port_is_taken) {
+  Reception other;
+  Reception reception({.position_port = other.receiver->port()});
+  EXPECT_EQ(reception.receiver->position_port(), 0);
+  EXPECT_THAT(std::string(reception.receiver->warning()),
+              testing::AllOf(HasSubstr("no position packets"), HasSubstr("already in use")));
+  Sender(reception.receiver->port()).send(kPacketBytes);
+  EXPECT_EQ(reception.read_all().size(), 1U);
+}
+
 TEST(UdpReceiver, is_quiet_when_nothing_comes) {
   Reception reception;
   std::span<const RawPacket> batch;

@@ -7,7 +7,7 @@
 namespace roadvec {
 
 /// What lies around an IP packet in a capture.
-enum class LinkLayer : std::uint8_t { ethernet, linux_cooked, linux_cooked2, raw_ip };
+enum class LinkLayer : std::uint8_t { ethernet, linux_cooked, linux_cooked2, raw_ip, loopback };
 
 /// A UDP datagram inside a captured frame.
 struct UdpDatagram {
@@ -22,7 +22,7 @@ struct CapturedFrame {
   bool fragment = false;                ///< part of an IPv4 UDP datagram that was split; these are not put together
 };
 
-/// Takes any bytes. Skips VLAN tags (802.1Q, 802.1ad) and IP options.
+/// Takes any bytes. Skips VLAN tags (802.1Q, 802.1ad, QinQ) and IP options.
 [[nodiscard]] CapturedFrame parse_frame(LinkLayer link, std::span<const std::uint8_t> frame) noexcept;
 
 }  // namespace roadvec

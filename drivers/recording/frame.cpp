@@ -1,4 +1,4 @@
-#include "drivers/velodyne/frame.h"
+#include "drivers/recording/frame.h"
 
 #include <algorithm>
 
@@ -6,8 +6,9 @@ namespace roadvec {
 namespace {
 
 using Bytes = std::span<const std::uint8_t>;
-constexpr std::uint16_t kEtherIpv4 = 0x0800, kEtherVlan = 0x8100, kEtherServiceVlan = 0x88A8;
-constexpr std::uint8_t kProtocolUdp = 17;
+constexpr std::uint16_t kEtherIpv4 = 0x0800, kEtherVlan = 0x8100, kEtherServiceVlan = 0x88A8,
+                        kEtherOldServiceVlan = 0x9100;
+constexpr std::uint8_t kProtocolUdp = 17, kFamilyIpv4 = 2;
 constexpr std::size_t kUdpHeaderBytes = 8;
 
 std::uint16_t big_u16(Bytes bytes, std::size_t at) {
@@ -17,13 +18,18 @@ std::uint16_t big_u16(Bytes bytes, std::size_t at) {
 /// What follows the link's header, if that is IPv4.
 Bytes ip_packet(LinkLayer link, Bytes frame) {
   if (link == LinkLayer::raw_ip) return frame;
+  if (link == LinkLayer::loopback) {
+    // The family in four bytes, in the byte order of the host that captured (BSD NULL) or in the network's (LOOP).
+    if (frame.size() < 4 || (frame[0] != kFamilyIpv4 && frame[3] != kFamilyIpv4)) return {};
+    return frame.subspan(4);
+  }
   std::size_t type_at = 12, header_bytes = 14;
   if (link == LinkLayer::linux_cooked) type_at = 14, header_bytes = 16;
   if (link == LinkLayer::linux_cooked2) type_at = 0, header_bytes = 20;
   if (frame.size() < header_bytes) return {};
   std::uint16_t type = big_u16(frame, type_at);
   frame = frame.subspan(header_bytes);
-  while (type == kEtherVlan || type == kEtherServiceVlan) {
+  while (type == kEtherVlan || type == kEtherServiceVlan || type == kEtherOldServiceVlan) {
     if (frame.size() < 4) return {};
     type = big_u16(frame, 2);
     frame = frame.subspan(4);
