@@ -100,8 +100,8 @@ struct ErrorSpec {
   double wheel_speed_scale = 1.005;  ///< measured over true
   double steering_step_deg = 0.1;    ///< of the CAN signal, at the steering wheel
   double wheel_speed_step_kmph = 0.01;
-  double gyro_bias_degps = 0.05;     ///< yaw rate
-  double gyro_noise_radps = 0.002;   ///< sigma of a sample
+  double gyro_bias_degps = 0.05;    ///< yaw rate
+  double gyro_noise_radps = 0.002;  ///< sigma of a sample
   double acceleration_noise_mps2 = 0.03;
   double compass_wander_deg = 1.0;  ///< sigma of the heading's slow error
   double compass_wander_s = 60.0;   ///< its correlation time

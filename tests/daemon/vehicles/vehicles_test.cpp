@@ -57,9 +57,9 @@ class Vehicles : public testing::TestWithParam<Car> {
       log << "(1." << hundredths++ << "000) can0 " << frame << "\n";
     }
     log.close();
-    const auto inputs = open_vehicle(*car, InputKind::recorded);
-    EXPECT_TRUE(inputs) << inputs.error().message;
-    MotionInput& input = *inputs->at(0);
+    const auto vehicle = open_vehicle(*car, InputKind::recorded);
+    EXPECT_TRUE(vehicle) << vehicle.error().message;
+    MotionInput& input = *vehicle->inputs.at(0);
     std::vector<MotionSample> samples;
     for (; const MotionSample* sample = input.front(std::chrono::milliseconds(0)); input.take()) {
       samples.push_back(*sample);

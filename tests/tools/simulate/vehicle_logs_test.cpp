@@ -47,7 +47,7 @@ TEST_F(VehicleLogs, can_log_decodes_to_the_true_motion_and_the_declared_errors) 
   VehicleSignals signals;
   signals.steering.sum = {"SteeringSensor.SteeringWheelAngle"};
   for (const char* wheel : {"FL", "FR", "RL", "RR"}) {
-    signals.wheel_speeds.push_back({.sum = {std::string("WheelSpeeds.WheelSpeed") + wheel}, .sign = "", .unit = ""});
+    signals.wheel_speeds.emplace_back().sum = {std::string("WheelSpeeds.WheelSpeed") + wheel};
   }
   auto decoder = MotionDecoder::create(dbc, signals);
   ASSERT_TRUE(decoder) << decoder.error().message;
