@@ -22,3 +22,10 @@ pkg_check_modules(PCL_IO QUIET IMPORTED_TARGET pcl_io)
 if(PCL_IO_FOUND)
   roadvec_bench(decode_pcl LINKS drivers_velodyne PkgConfig::PCL_IO)
 endif()
+
+# soak_receive: not part of the tests, ten minutes long.
+if(NOT ROADVEC_FUZZ)
+  add_executable(soak_receive EXCLUDE_FROM_ALL ${CMAKE_SOURCE_DIR}/tests/bench/receive_soak.cpp)
+  target_link_libraries(soak_receive PRIVATE drivers_velodyne Threads::Threads)
+  add_dependencies(benchmarks soak_receive)
+endif()

@@ -67,6 +67,7 @@ ctest --preset tsan -L threads --output-junit "$PWD/build/tsan/tests.xml"
 say "fuzz: $fuzz_seconds s per parser"
 cmake --preset fuzz >/dev/null
 cmake --build --preset fuzz --target fuzzers
+/usr/bin/python3 -B tests/fuzz/make_seeds.py build/fuzz/corpus
 fuzzed=0
 for fuzzer in build/fuzz/bin/fuzz_*; do
   name=$(basename "$fuzzer")

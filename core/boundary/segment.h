@@ -94,6 +94,7 @@ class Segmenter {
     std::int32_t cell = 0;
     float road_m = 0;
     float step_m = 0, structure_m = 0, limit_m = 0;  // heights: from step_m or structure_m up to limit_m is an obstacle
+    bool face_seen = false;    // false: only what lies on top of it, up to a ring's distance behind its face
     float x0_m = 0, y0_m = 0;  // first return: sums relative to it, floats would not hold squares of whole coordinates
     float top_m = -100;
     Moments boundary, structure;

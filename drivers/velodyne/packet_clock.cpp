@@ -17,9 +17,11 @@ constexpr std::int64_t kHostWentBack_ns = -kMillisecond_ns;
 /// Crystals of sensor and host differ by less than this; so fast may the offset follow a sensor that runs slow.
 constexpr std::int64_t kDriftDivisor = 10'000;  // 100 parts in a million
 
-std::uint32_t packets_missing(std::int64_t step_ns, std::uint32_t duration_ns) noexcept {
-  const std::int64_t period_count = (step_ns + duration_ns / 2) / duration_ns;
-  return period_count > 1 ? static_cast<std::uint32_t>(period_count - 1) : 0;
+/// `step_ns` from the start of one packet, which took `last_duration_ns`, to that of the next.
+std::uint32_t packets_missing(std::int64_t step_ns, std::uint32_t last_duration_ns,
+                              std::uint32_t duration_ns) noexcept {
+  const std::int64_t count = (step_ns - last_duration_ns + duration_ns / 2) / duration_ns;
+  return count > 0 ? static_cast<std::uint32_t>(count) : 0;
 }
 
 }  // namespace
@@ -36,11 +38,11 @@ PacketTiming PacketClock::place(const RawPacket& packet, std::uint32_t duration_
     timing.stale = true;
     return timing;
   }
-  if (step == Step::forward) timing.lost_before_count = packets_missing(device_step_ns, duration_ns);
+  if (step == Step::forward) timing.lost_before_count = packets_missing(device_step_ns, last_duration_ns_, duration_ns);
   if (step == Step::clock_step) {
     counters_.clock_steps.add();
     if (host_step_ns > kHostPause_ns && host_step_ns < kHour_ns) {
-      timing.lost_before_count = packets_missing(host_step_ns, duration_ns);
+      timing.lost_before_count = packets_missing(host_step_ns, last_duration_ns_, duration_ns);
     }
   }
   counters_.device_time_gaps.add(timing.lost_before_count);
@@ -51,6 +53,7 @@ PacketTiming PacketClock::place(const RawPacket& packet, std::uint32_t duration_
   started_ = true;
   last_arrived_ = packet.arrived;
   last_device_ns_ = device_ns;
+  last_duration_ns_ = duration_ns;
   last_azimuth_cdeg_ = azimuth_cdeg;
   return timing;
 }

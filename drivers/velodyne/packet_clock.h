@@ -65,7 +65,8 @@ class PacketClock {
   PacketClockState state_;
   bool started_ = false;
   SensorTime last_arrived_;
-  std::int64_t last_device_ns_ = 0;  ///< past the hour
+  std::int64_t last_device_ns_ = 0;     ///< past the hour
+  std::uint32_t last_duration_ns_ = 0;  ///< longer than others where a limited field of view leaves part of a turn out
   std::uint16_t last_azimuth_cdeg_ = 0;
   std::int64_t unwrapped_ns_ = 0;  ///< the sensor's clock without its hours, from 0 at the first packet
   std::int64_t offset_ns_ = 0;     ///< first firing on the host's clock minus unwrapped_ns_

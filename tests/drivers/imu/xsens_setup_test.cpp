@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <poll.h>
 #include <stdlib.h>
+#include <termios.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -42,6 +43,10 @@ class FakeDevice {
     EXPECT_EQ(::unlockpt(fd_), 0);
     path_ = ::ptsname(fd_);
     keep_open_ = ::open(path_.c_str(), O_RDWR | O_NOCTTY);
+    termios mode{};  // a serial line echoes nothing; a terminal does until somebody says otherwise
+    EXPECT_EQ(::tcgetattr(keep_open_, &mode), 0);
+    ::cfmakeraw(&mode);
+    EXPECT_EQ(::tcsetattr(keep_open_, TCSANOW, &mode), 0);
     thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
   }
   ~FakeDevice() {

@@ -20,11 +20,12 @@ struct ClockBench {
     return place_at(first_device_us + packet_number * 288,
                     first_arrival_ns + packet_number * 288'000 + arrival_jitter_ns, packet_number);
   }
-  PacketTiming place_at(std::int64_t device_us, std::int64_t arrived_ns, std::int64_t packet_number) {
+  PacketTiming place_at(std::int64_t device_us, std::int64_t arrived_ns, std::int64_t packet_number,
+                        std::uint32_t duration_ns = kDuration_ns) {
     RawPacket packet;
     packet.arrived = {arrived_ns};
     put_device_time_us(packet.bytes, static_cast<std::uint32_t>(device_us % device_hour_us));
-    return clock.place(packet, kDuration_ns,
+    return clock.place(packet, duration_ns,
                        static_cast<std::uint16_t>((packet_number * 108 + 720'000) % kFullCircle_cdeg));
   }
   [[nodiscard]] LidarCounts counts() const { return snapshot(counters); }
@@ -47,6 +48,20 @@ TEST(PacketClock, counts_the_packets_missing_between_two) {
   EXPECT_EQ(bench.place(1).lost_before_count, 0U);
   EXPECT_EQ(bench.place(5).lost_before_count, 3U);
   EXPECT_EQ(bench.counts().device_time_gaps, 3U);
+}
+
+TEST(PacketClock, counts_nothing_missing_after_a_packet_that_spans_what_a_limited_field_of_view_leaves_out) {
+  ClockBench bench;
+  constexpr std::uint32_t kLong_ns = 50'000'000;  // half a turn left out inside the packet
+  const auto place = [&](std::int64_t after_us, std::int64_t number, std::uint32_t duration_ns) {
+    return bench.place_at(bench.first_device_us + after_us, bench.first_arrival_ns + after_us * 1000, number,
+                          duration_ns);
+  };
+  EXPECT_EQ(place(0, 0, kDuration_ns).lost_before_count, 0U);
+  EXPECT_EQ(place(288, 1, kLong_ns).lost_before_count, 0U);
+  EXPECT_EQ(place(50'288, 2, kDuration_ns).lost_before_count, 0U);
+  EXPECT_EQ(place(50'576, 3, kDuration_ns).lost_before_count, 0U);
+  EXPECT_EQ(bench.counts().device_time_gaps, 0U);
 }
 
 TEST(PacketClock, drops_a_late_packet_and_a_duplicate) {
