@@ -9,7 +9,7 @@
 #include <system_error>
 
 #include "core/base/angle.h"
-#include "drivers/can/can_log_reader.h"
+#include "drivers/can/can_capture_reader.h"
 #include "drivers/can/socketcan_reader.h"
 #include "drivers/imu/log_reader.h"
 #include "drivers/imu/serial_reader.h"
@@ -81,9 +81,7 @@ Expected<std::unique_ptr<CanReader>> open_can(const std::string& can, const std:
   if (kind == InputKind::recorded || can.find('/') != std::string::npos) {
     if (std::error_code ignored; kind == InputKind::recorded && std::filesystem::is_fifo(can, ignored))
       return fail(key + ": " + can + " is a FIFO, which has no end; a drive needs a file");
-    auto reader = CanLogReader::open(can, "", offset_ns);
-    if (!reader) return tl::unexpected(reader.error());
-    return std::unique_ptr<CanReader>(std::move(*reader));
+    return open_can_log(can, offset_ns);
   }
   auto reader = SocketCanReader::open(can, ids);
   if (!reader) return tl::unexpected(reader.error());

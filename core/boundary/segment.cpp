@@ -158,8 +158,10 @@ void Segmenter::place_four(const Return* echoes, const Transform& T_window_lidar
   const Float4 column = x * cells_per_m, row = y * cells_per_m;
   const Int4 taken = (column >= 0.0F) & (column < size) & (row >= 0.0F) & (row < size) & (z > kLowest_m) &
                      (z < kHighest_m) & ~own_body;
-  const Int4 columns = __builtin_convertvector(column, Int4), rows = __builtin_convertvector(row, Int4);
-  const Int4 heights_mm = __builtin_convertvector((z - kLowest_m) * 1000.0F + 0.5F, Int4) + kLowest_mm;
+  // What is not taken may be any float, and is no number of cells.
+  const auto whole = [&taken](Float4 value) { return __builtin_convertvector(where(taken, value), Int4); };
+  const Int4 columns = whole(column), rows = whole(row);
+  const Int4 heights_mm = whole((z - kLowest_m) * 1000.0F + 0.5F) + kLowest_mm;
   for (int k = 0; k < 4; ++k) {
     if (taken[k] != 0) add_to_cell(x[k], y[k], z[k], heights_mm[k], columns[k], rows[k]);
   }

@@ -65,7 +65,8 @@ void visit_fields(VehicleSettings& s, FieldList& field) {
   field("vehicle.steering_ratio", s.steering_ratio, 1, 40, "angle of the steering wheel by that of the road wheels")
       .is_required("15.0");
   field("vehicle.can", s.can,
-        "CAN interface; or, with a '/', the path of a log (candump, Vector ASC) or of a FIFO that carries candump's "
+        "CAN interface; or, with a '/', the path of a log (candump, Vector ASC, pcap) or of a FIFO that carries "
+        "candump's "
         "lines")
       .naming(Names::can_source)
       .is_required("\"can0\"");

@@ -19,9 +19,6 @@ struct Foreign {
 };
 constexpr Foreign kForeign[] = {
     {"LOGG", "Vector BLF", "convert it to ASC (CANalyzer, or can_logconvert of python-can)"},
-    {"\xD4\xC3\xB2\xA1", "a pcap capture", "record with candump -l"},
-    {"\x4D\x3C\xB2\xA1", "a pcap capture", "record with candump -l"},
-    {"\x0A\x0D\x0D\x0A", "a pcapng capture", "record with candump -l"},
 };
 
 std::string printable(std::string_view line) {

@@ -29,8 +29,7 @@ class CanLogReader : public CanReader {
   [[nodiscard]] std::string_view interface_name(std::uint8_t interface) const noexcept override;
   [[nodiscard]] const CanCounters& counters() const noexcept override { return counters_; }
 
-  /// Why the first bad line was bad; "" while there was none.
-  [[nodiscard]] std::string_view first_bad_line_reason() const noexcept { return first_bad_line_reason_; }
+  [[nodiscard]] std::string_view first_bad_line_reason() const noexcept override { return first_bad_line_reason_; }
 
  private:
   static constexpr std::size_t kMaxInterfaces = 16;

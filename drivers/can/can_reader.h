@@ -61,6 +61,9 @@ class CanReader {
   [[nodiscard]] virtual std::string_view interface_name(std::uint8_t interface) const noexcept = 0;
 
   [[nodiscard]] virtual const CanCounters& counters() const noexcept = 0;
+
+  /// Why the first bad line of a log was bad; "" while there was none.
+  [[nodiscard]] virtual std::string_view first_bad_line_reason() const noexcept { return {}; }
 };
 
 /// Counts the classes of an error frame, as linux/can/error.h defines them.

@@ -24,6 +24,8 @@ std::optional<LinkLayer> link_layer_of(int data_link) {
     case DLT_RAW:
     case DLT_IPV4:
       return LinkLayer::raw_ip;
+    case DLT_CAN_SOCKETCAN:
+      return LinkLayer::socketcan;
     case DLT_NULL:
     case DLT_LOOP:
       return LinkLayer::loopback;

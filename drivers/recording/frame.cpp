@@ -18,6 +18,7 @@ std::uint16_t big_u16(Bytes bytes, std::size_t at) {
 /// What follows the link's header, if that is IPv4.
 Bytes ip_packet(LinkLayer link, Bytes frame) {
   if (link == LinkLayer::raw_ip) return frame;
+  if (link == LinkLayer::socketcan) return {};
   if (link == LinkLayer::loopback) {
     // The family in four bytes, in the byte order of the host that captured (BSD NULL) or in the network's (LOOP).
     if (frame.size() < 4 || (frame[0] != kFamilyIpv4 && frame[3] != kFamilyIpv4)) return {};

@@ -7,7 +7,7 @@
 namespace roadvec {
 
 /// What lies around an IP packet in a capture.
-enum class LinkLayer : std::uint8_t { ethernet, linux_cooked, linux_cooked2, raw_ip, loopback };
+enum class LinkLayer : std::uint8_t { ethernet, linux_cooked, linux_cooked2, raw_ip, loopback, socketcan };
 
 /// A UDP datagram inside a captured frame.
 struct UdpDatagram {

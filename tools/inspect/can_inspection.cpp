@@ -4,7 +4,7 @@
 #include <cinttypes>
 #include <cmath>
 
-#include "drivers/can/can_log_reader.h"
+#include "drivers/can/can_capture_reader.h"
 
 namespace roadvec {
 namespace {
@@ -123,7 +123,7 @@ Expected<CanInspection> inspect_can(const CanInspectionOptions& options) {
   Inspector inspector(dbc);
   if (const auto compared = inspector.compare_with(options.speed_signal); !compared)
     return tl::unexpected(compared.error());
-  auto reader = CanLogReader::open(options.log);
+  auto reader = open_can_log(options.log);
   if (!reader) return tl::unexpected(reader.error());
   CanFrame frame;
   CanReadResult read{};

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "daemon/config/load.h"
+#include "drivers/can/asc_line.h"
 #include "drivers/can/candump_line.h"
 #include "drivers/imu/log_reader.h"
 #include "drivers/recording/capture_file.h"
@@ -71,7 +72,7 @@ Expected<void> take_log(const std::filesystem::path& path, const std::string& wh
   for (int i = 0; i < 100; ++i) {
     const auto line = file->next_line();
     if (!line) break;
-    if (parse_candump_line(*line).kind == CandumpKind::frame) {
+    if (parse_candump_line(*line).kind == CandumpKind::frame || AscLines::is_header(*line)) {
       recordings.can.log = path;
       return {};
     }
@@ -80,7 +81,7 @@ Expected<void> take_log(const std::filesystem::path& path, const std::string& wh
       return {};
     }
   }
-  return fail(why_no_capture + "; nor is it a candump or IMU log");
+  return fail(why_no_capture + "; nor is it a candump, Vector ASC or IMU log");
 }
 
 Expected<Recordings> find_recordings(const Options& options) {
@@ -102,7 +103,9 @@ Expected<Recordings> find_recordings(const Options& options) {
     return recordings;
   }
   const Expected<CaptureFile> capture = CaptureFile::open(options.path);
-  if (capture) {
+  if (capture && capture->link() == LinkLayer::socketcan) {
+    recordings.can.log = options.path;
+  } else if (capture) {
     recordings.lidar.pcap = options.path;
   } else if (!std::filesystem::exists(options.path, ignored)) {
     return tl::unexpected(capture.error());
@@ -201,10 +204,9 @@ void print(const Report& report, bool as_json, std::FILE* out) {
 
 constexpr const char* kDescription =
     "Says what sensors are in a recording, and how they are: for a new car, before it is configured.\n\n"
-    "PATH is a drive (a folder with drive.toml), a capture (pcap, pcapng; also gzip or zstd), a candump log, or an "
-    "IMU's "
-    "recording\n"
-    "(imu.log, or its bytes in a .bin). What each is, is found out.";
+    "PATH is a drive (a folder with drive.toml), a capture of LiDAR or CAN (pcap, pcapng; also gzip or zstd), a CAN "
+    "log\n"
+    "(candump, Vector ASC), or an IMU's recording (imu.log, or its bytes in a .bin). What each is, is found out.";
 
 constexpr const char* kFooter = R"(
 REPORT
@@ -253,7 +255,7 @@ int main(int argc, char** argv) {
   CLI::App app(kDescription, "roadvec-inspect");
   app.footer(kFooter);
   app.set_version_flag("--version", "roadvec-inspect " ROADVEC_VERSION);
-  app.add_option("PATH", options.path, "drive, capture, candump log or IMU recording")->required();
+  app.add_option("PATH", options.path, "drive, capture, CAN log or IMU recording")->required();
   app.add_option("--model", options.model, "the LiDAR's model; default: what the drive says, or what it looks like");
   app.add_option("--calibration", options.calibration,
                  "the head's db.xml or ROS YAML, or \"streamed\" for an HDL-64E's own; default: the drive's, or the "
