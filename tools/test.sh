@@ -61,7 +61,7 @@ ctest --preset asan-ubsan -j 2 -LE drive --output-junit "$PWD/build/asan-ubsan/t
 
 say "build and tests: thread sanitizer (everything that has threads)"
 cmake --preset tsan >/dev/null
-cmake --build --preset tsan --target test_core_ring test_daemon_server test_daemon_stages
+cmake --build --preset tsan --target test_core_ring test_daemon_server test_daemon_stages test_drivers_imu
 ctest --preset tsan -L threads --output-junit "$PWD/build/tsan/tests.xml"
 
 say "fuzz: $fuzz_seconds s per parser"

@@ -16,9 +16,8 @@ constexpr std::int32_t kLowest_mm = -5000;
 // How far behind its face a kerb may show first where no ring lies on the face: about a cell. Measured: without it
 // sparse scenes turn the car, because what shows far away lies farther out than what shows nearby.
 constexpr float kUnseenFace_m = 0.25F;
-constexpr float kOutside_m = 1e6;                 // stands for no return
-constexpr float kLidarOnBody_m = 2;               // the LiDAR is mounted within this of the rear axle or bodywork
-constexpr std::int16_t kHighestReal_mm = 10'000;  // a height, with the rise that a slope explains
+constexpr float kOutside_m = 1e6;                                       // stands for no return
+constexpr std::int16_t kHighestReal_mm = 10'000;                        // a height, with the rise that a slope explains
 constexpr std::int16_t kNoLowest_mm = 16'000, kNoHighest_mm = -16'000;  // a sum of two fits 16 bits
 
 constexpr float m_from_mm(float mm) { return 0.001F * mm; }
