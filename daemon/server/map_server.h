@@ -75,7 +75,7 @@ class MapServer {
   std::list<Session> sessions_;
   std::vector<short> events_;  ///< of poll, one per session in the same order
   ServerCounters counters_;
-  bool doorbell_rang_ = false, client_waits_ = false, work_is_left_ = false, leaving_ = false;
+  bool client_waits_ = false, work_is_left_ = false, leaving_ = false;
   double accept_again_s_ = 0, next_second_s_ = 0, farewell_until_s_ = 0;
 };
 
