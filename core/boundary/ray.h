@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 
 #include "core/boundary/window.h"
 
@@ -18,24 +19,26 @@ void walk_ray(const Window& window, double x_m, double y_m, double direction_x, 
   if (column < 0 || row < 0 || column >= size || row >= size) return;
   const int step_c = direction_x < 0 ? -1 : 1, step_r = direction_y < 0 ? -1 : 1;
   const int end_c = step_c < 0 ? -1 : size, end_r = step_r < 0 ? -1 : size;
-  constexpr double kNever = 1e300;  // not infinity: it is multiplied by 0 below
+  constexpr double kNever = std::numeric_limits<double>::infinity();
   const auto to_edge = [cell_m](double p_m, int cell, int step, double direction) {
     return direction == 0 ? kNever : ((step > 0 ? cell + 1 : cell) * cell_m - p_m) / direction;
   };
   double next_c = to_edge(x_m, column, step_c, direction_x), next_r = to_edge(y_m, row, step_r, direction_y);
   const double delta_c = direction_x == 0 ? kNever : cell_m / std::abs(direction_x);
   const double delta_r = direction_y == 0 ? kNever : cell_m / std::abs(direction_y);
-  const int step_index_r = step_r * size;
   int index = window.index(column, row);
-  // Which edge is next is a coin toss to the branch predictor: both are moved, one by nothing.
   while (visit(index, column, row)) {
-    const int c = next_c < next_r ? 1 : 0, r = 1 - c;
-    column += c * step_c;
-    row += r * step_r;
-    if (column == end_c || row == end_r) return;
-    index += c * step_c + r * step_index_r;
-    next_c += c * delta_c;
-    next_r += r * delta_r;
+    if (next_c < next_r) {
+      column += step_c;
+      if (column == end_c) return;
+      index += step_c;
+      next_c += delta_c;
+    } else {
+      row += step_r;
+      if (row == end_r) return;
+      index += step_r * size;
+      next_r += delta_r;
+    }
   }
 }
 
