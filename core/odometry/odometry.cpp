@@ -8,7 +8,10 @@ namespace {
 
 constexpr double kStandingSpeed_mps = 0.02;
 constexpr double kStandingTime_s = 0.5;  // wheels report zero a moment before the body stops rocking
-constexpr double kStandingGyroSigma_radps = 0.01;
+constexpr double kStandingGyroSigma_radps = 0.005;
+// Wheels of coarse CAN signals report zero up to half a step: a car that turns faster than this is moving all the same.
+constexpr double kStandingYawRate_radps = 0.02;
+constexpr double kStandingNoise = 0.01;  // of what is usual: a car that stands neither moves nor turns
 // Without wheel speed the last seen motion goes on: how fast it may change, per root second. City traffic brakes at 3
 // m/s2.
 constexpr double kCoastingSpeedNoise_mps = 1.0;
@@ -62,7 +65,7 @@ void Odometry::predict_to(SensorTime time) noexcept {
   jacobian(kY, kScale) = speed_mps_ * dt_s * s;
   double yaw_noise = kCoastingYawNoise_radps;
   if (yaw_source_ == MotionSource::imu) {
-    jacobian(kTheta, kBias) = -dt_s;
+    if (!still_) jacobian(kTheta, kBias) = -dt_s;
     yaw_noise = config_.gyro_noise_radps;
   } else if (yaw_source_ == MotionSource::steering) {
     const double road_wheel_rad = road_wheel_rad_ + state_[kSteer];
@@ -79,6 +82,8 @@ void Odometry::predict_to(SensorTime time) noexcept {
   noise(1, 1) = s * s * along2 + c * c * across2;
   noise(0, 1) = noise(1, 0) = c * s * (along2 - across2);
   noise(2, 2) = yaw_noise * yaw_noise * dt_s;
+
+  if (still_) noise *= kStandingNoise * kStandingNoise;
 
   covariance_ = (jacobian * covariance_ * jacobian.transpose()).eval();
   covariance_.topLeftCorner<3, 3>() += noise;
@@ -118,6 +123,9 @@ void Odometry::choose_inputs() noexcept {
     yaw_source_ = corrected_pose_ ? MotionSource::matching : MotionSource::none;
     yaw_rate_radps_ = corrected_yaw_rate_radps_;
   }
+  still_ = speed_source_ == MotionSource::wheels && std::abs(speed_mps_) <= kStandingSpeed_mps &&
+           std::abs(yaw_rate_radps_) < kStandingYawRate_radps;
+  if (still_) yaw_rate_radps_ = 0;
 }
 
 void Odometry::take(const MotionSample& sample) noexcept {

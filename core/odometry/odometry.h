@@ -14,7 +14,7 @@ namespace roadvec {
 struct OdometryConfig {
   double speed_noise_mps = 0.05;                ///< wheel slip and quantisation, per root second; choice
   double speed_scale_sigma = 0.02;              ///< tyre radius: 1-2 % between new and worn (choice)
-  double gyro_noise_radps = 0.002;              ///< MEMS class, per root second (choice)
+  double gyro_noise_radps = 0.0005;             ///< MEMS class, 0.03 deg/s, per root second (choice)
   double gyro_bias_sigma_radps = 0.002;         ///< at start-up; 0.05-0.1 deg/s is usual for a MEMS gyro
   double steering_offset_sigma_rad = 0.01;      ///< at the road wheel; 0.5 deg: a usual misalignment
   double steering_yaw_rate_sigma_radps = 0.05;  ///< bicycle model against the truth, one sample
@@ -116,7 +116,7 @@ class Odometry {
   PoseCovariance relative_covariance_ = PoseCovariance::Zero();
   Pose2 relative_start_;
   SensorTime time_;
-  bool started_ = false;
+  bool started_ = false, still_ = false;
   std::optional<SensorTime> wheels_seen_, steering_seen_, gyro_seen_, heading_seen_, standing_since_;
   double speed_mps_ = 0, yaw_rate_radps_ = 0, gyro_radps_ = 0, road_wheel_rad_ = 0;
   MotionSource speed_source_ = MotionSource::none, yaw_source_ = MotionSource::none;

@@ -1,136 +1,114 @@
-#include <arpa/inet.h>
-#include <signal.h>
-#include <sys/prctl.h>
-#include <time.h>
-#include <unistd.h>
-
-#include <cstdio>
-
-#include "daemon/config/load.h"
 #include "tools/replay/options.h"
-#include "tools/replay/player.h"
-#include "tools/replay/report_text.h"
-#include "tools/replay/tracks.h"
+
+#include <CLI/CLI.hpp>
+#include <cstdlib>
 
 namespace roadvec {
 namespace {
 
-std::atomic<bool> stop{false};                          // global because a signal handler takes no argument
-static_assert(std::atomic<bool>::is_always_lock_free);  // a signal handler may only touch such
+constexpr int kUsageError = 2;
 
-void end_on_signals() {
-  struct sigaction action {};
-  action.sa_handler = [](int) { stop.store(true); };
-  ::sigaction(SIGINT, &action, nullptr);
-  ::sigaction(SIGTERM, &action, nullptr);
-  ::signal(SIGPIPE, SIG_IGN);  // a reader that goes away is counted
-}
+constexpr const char* kAbout =
+    "Plays a recorded drive as live traffic, for a roadvecd that runs as it does in the car.\n\n"
+    "The drive's packets go out over UDP. Its CAN frames go to a CAN interface or a pipe, the bytes of its IMU to a\n"
+    "pseudo-terminal or over UDP, if asked for. All are merged by their recorded stamps and sent at their due time.";
 
-std::string joined(const std::string& a, const std::string& b) { return a.empty() || b.empty() ? a + b : a + ", " + b; }
+constexpr const char* kMore = R"(OUTPUTS
+  A recording without an output is not played. Pipe and terminal are made at the start and removed at the end; the
+  replay begins once their readers have opened them, so that nothing of the beginning is lost.
 
-/// Opens an output if it was asked for.
-template <class Output, class Target>
-Expected<std::optional<Output>> maybe_open(bool wanted, const Target& target) {
-  std::optional<Output> output;
-  if (!wanted) return output;
-  auto opened = Output::open(target);
-  if (!opened) return tl::make_unexpected(opened.error());
-  output.emplace(std::move(*opened));
-  return output;
-}
+  --can needs an interface that is up:  ip link add vcan0 type vcan && ip link set vcan0 up
+  --can-pipe serves hosts without CAN. The lines carry the date at which each frame is due now, not that of the
+  recording, as `candump -L` would write them. In roadvecd's configuration:  can = "/run/roadvec/can.fifo"
+  --imu-pty stands for the serial line of the device:  device = "/run/roadvec/imu"
+  --imu-udp stands for a device that sends datagrams (NCOM): one for each line of imu.log.
 
-Expected<std::unique_ptr<Track>> lidar_track(const LidarSettings& lidar, const ReplayOptions& options) {
-  auto data = UdpOutput::open(options.udp);
-  if (!data) return tl::make_unexpected(data.error());
-  auto position = maybe_open<UdpOutput>(options.position_port != 0, Endpoint{options.udp.host, options.position_port});
-  if (!position) return tl::make_unexpected(position.error());
-  LidarTrack::Source source{.pcap = lidar.pcap.native(), .port = lidar.port, .sender_ipv4 = std::nullopt};
-  if (in_addr address{}; ::inet_pton(AF_INET, lidar.source_address.c_str(), &address) == 1)
-    source.sender_ipv4 = ntohl(address.s_addr);
-  return std::make_unique<LidarTrack>(source, options.udp.text(), std::move(*data), std::move(*position));
-}
+TIME
+  The receivers stamp what arrives themselves. At --speed other than 1 they see a vehicle that moves by its wheels at
+  one speed and through the world at another: good for load tests, not for maps.
+  A receiver that is full or absent loses what is due, as on a real bus; it is counted as lost. With
+  --as-fast-as-possible pipes, terminal and interface are waited for instead; UDP has no way to tell.
 
-Expected<std::unique_ptr<Track>> can_track(const VehicleSettings& vehicle, const ReplayOptions& options) {
-  auto interface = maybe_open<CanOutput>(!options.can.empty(), options.can);
-  if (!interface) return tl::make_unexpected(interface.error());
-  auto pipe = maybe_open<PipeOutput>(!options.can_pipe.empty(), options.can_pipe);
-  if (!pipe) return tl::make_unexpected(pipe.error());
-  return std::make_unique<CanTrack>(vehicle.can, joined(options.can, options.can_pipe), std::move(*interface),
-                                    std::move(*pipe));
-}
+OUTPUT
+  What is played, once a second on a terminal how far it is, and at the end for each recording: items and bytes sent,
+  items lost (no listener, receiver full), and items skipped (damaged, other traffic, error frames); the achieved
+  rate, and the worst lateness of an item. --json prints the end alone, as one object.
 
-Expected<std::unique_ptr<Track>> imu_track(const ImuSettings& imu, const ReplayOptions& options) {
-  auto terminal = maybe_open<PtyOutput>(!options.imu_pty.empty(), options.imu_pty);
-  if (!terminal) return tl::make_unexpected(terminal.error());
-  auto udp = maybe_open<UdpOutput>(options.imu_udp.has_value(), options.imu_udp.value_or(Endpoint{}));
-  if (!udp) return tl::make_unexpected(udp.error());
-  const std::string to = joined(options.imu_pty, options.imu_udp ? options.imu_udp->text() : "");
-  return std::make_unique<ImuTrack>(imu.log.native(), to, std::move(*terminal), std::move(*udp));
-}
+EXAMPLES
+  roadvec-replay drives/town
+  roadvec-replay drives/town --can vcan0 --imu-pty /run/roadvec/imu
+  roadvec-replay drives/town --can-pipe /tmp/can.fifo --from 20 --to 40 --loop
+  roadvec-replay drives/town --udp 192.168.1.77:2368 --speed 3 --json
 
-Expected<Player::Tracks> open_tracks(const Settings& settings, const ReplayOptions& options) {
-  const bool has_can = settings.vehicle.has_value();
-  const bool has_imu_log = settings.imu && !settings.imu->log.empty();
-  if (!has_can && !(options.can + options.can_pipe).empty())
-    return fail(options.drive + ": has no CAN log; run without --can and --can-pipe");
-  if (!has_imu_log && (!options.imu_pty.empty() || options.imu_udp)) {
-    return fail(options.drive + ": has no IMU log; run without --imu-pty and --imu-udp");
-  }
-  Player::Tracks tracks;
-  std::vector<Expected<std::unique_ptr<Track>>> opened;
-  opened.push_back(lidar_track(settings.lidar, options));
-  if (has_can) opened.push_back(can_track(*settings.vehicle, options));
-  if (has_imu_log) opened.push_back(imu_track(*settings.imu, options));
-  for (auto& track : opened) {
-    if (!track) return tl::make_unexpected(track.error());
-    tracks.push_back(std::move(*track));
-  }
-  return tracks;
-}
+EXIT STATUS
+  0  played, to the end or to a SIGINT or SIGTERM
+  1  the drive cannot be read, or an output cannot be opened
+  2  the command line is wrong
 
-void wait_for_listeners(const Player::Tracks& tracks, bool quiet) {
-  for (const auto& track : tracks) {
-    if (!track->has_output() || track->has_listener()) continue;
-    if (!quiet) std::printf("waiting until %s is opened by a reader\n", track->destination().c_str());
-    std::fflush(stdout);
-    constexpr timespec kPause{.tv_sec = 0, .tv_nsec = 20'000'000};
-    while (!track->has_listener() && !stop.load()) ::nanosleep(&kPause, nullptr);
-  }
-}
+SEE ALSO
+  roadvecd(8), roadvec-inspect(1), candump(1))";
 
-Expected<PlayReport> replay(const ReplayOptions& options) {
-  const auto settings = load_drive(options.drive);
-  if (!settings) return tl::make_unexpected(settings.error());
-  const auto tracks = open_tracks(*settings, options);
-  if (!tracks) return tl::make_unexpected(tracks.error());
-  if (!options.json) std::fputs(plan_text(options.drive, options.plan, *tracks).c_str(), stdout);
-  wait_for_listeners(*tracks, options.json);
-
-  const bool show_progress = ::isatty(STDERR_FILENO) == 1 && !options.json;
-  Player player(options.plan, *tracks, stop, [&](const PlayReport& report) {
-    if (show_progress) std::fprintf(stderr, "\r%s\033[K", progress_text(report, *tracks).c_str());
-  });
-  const auto report = player.run();
-  if (show_progress) std::fputs("\r\033[K", stderr);
-  if (!report) return report;
-  const std::string text =
-      options.json ? report_json(options.drive, options.plan, *report, *tracks) : report_text(*report, *tracks);
-  std::fputs(text.c_str(), stdout);
-  return report;
+void take_endpoint(CLI::App& app, const char* name, const char* meaning, std::optional<Endpoint>& endpoint) {
+  app.add_option_function<std::string>(
+         name,
+         [&endpoint, name](const std::string& text) {
+           auto parsed = Endpoint::parse(text);
+           if (!parsed) throw CLI::ValidationError(name, parsed.error().message);
+           endpoint = *parsed;
+         },
+         meaning)
+      ->option_text("HOST:PORT");
 }
 
 }  // namespace
-}  // namespace roadvec
 
-int main(int argc, char** argv) {
-  const roadvec::ReplayOptions options = roadvec::parse_command_line(argc, argv);
-  roadvec::end_on_signals();
-  ::prctl(PR_SET_TIMERSLACK,
-          1UL);  // the default lets every sleep end 50 us late: a fifth of the time between two packets
-  const auto report = roadvec::replay(options);
-  if (!report) {
-    std::fprintf(stderr, "roadvec-replay: %s\n", report.error().message.c_str());
-    return 1;
+ReplayOptions parse_command_line(int argc, char** argv) {
+  ReplayOptions options;
+  std::optional<Endpoint> udp;
+  CLI::App app(kAbout, "roadvec-replay");
+  app.footer(kMore);
+  app.get_formatter()->column_width(30);
+  app.set_version_flag("--version", std::string("roadvec-replay ") + ROADVEC_VERSION, "print the version and end");
+  app.set_help_flag("-h,--help", "print this and end");
+  app.add_option("DIR", options.drive, "the drive: a folder with drive.toml, lidar.pcap, can.log, imu.log")
+      ->required()
+      ->option_text(" ");
+  take_endpoint(app, "--udp", "where the packets go; default 127.0.0.1:2368", udp);
+  app.add_option("--position-port", options.position_port,
+                 "where the sensor's position packets go on the same host; 0: nowhere; default 8308")
+      ->check(CLI::Range(0, 65535))
+
+      ->option_text("PORT");
+  app.add_option("--can", options.can, "CAN interface to send the frames on")->option_text("IFACE");
+  app.add_option("--can-pipe", options.can_pipe, "FIFO to write the frames to, as candump -L lines")
+      ->option_text("PATH");
+  app.add_option("--imu-pty", options.imu_pty, "symbolic link to make to a pseudo-terminal that speaks as the IMU")
+      ->option_text("PATH");
+  take_endpoint(app, "--imu-udp", "where datagrams of the IMU go", options.imu_udp);
+  auto* const speed =
+      app.add_option("--speed", options.plan.speed, "times as fast as recorded, 0.01 to 1000; default 1")
+          ->check(CLI::Range(0.01, 1000.0))
+
+          ->option_text("X");
+  auto* const fast = app.add_flag("--as-fast-as-possible", options.plan.as_fast_as_possible,
+                                  "do not wait for due times; not with --speed");
+  app.add_flag("--loop", options.plan.loop, "begin again at the end, until SIGINT or SIGTERM");
+  app.add_option("--from", options.plan.from_s, "skip what is before, in seconds from the drive's first stamp")
+      ->check(CLI::Range(0.0, 1e9))
+      ->option_text("S");
+  app.add_option("--to", options.plan.to_s, "end there, in seconds from the drive's first stamp")
+      ->check(CLI::Range(0.0, 1e9))
+      ->option_text("S");
+  app.add_flag("--json", options.json, "print one JSON object at the end, nothing else");
+  try {
+    app.parse(argc, argv);
+    if (*speed && *fast) throw CLI::ValidationError("--speed", "and --as-fast-as-possible exclude each other");
+    if (options.plan.to_s < options.plan.from_s) throw CLI::ValidationError("--to", "lies before --from");
+  } catch (const CLI::ParseError& end) {
+    std::exit(app.exit(end) == 0 ? EXIT_SUCCESS : kUsageError);
   }
-  return 0;
+  if (udp) options.udp = *udp;
+  return options;
 }
+
+}  // namespace roadvec

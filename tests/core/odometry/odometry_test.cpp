@@ -71,6 +71,25 @@ TEST(Odometry, finds_the_gyro_bias_while_standing_still) {
   EXPECT_NEAR(odometry.gyro_bias_radps(), 0.0015, 0.0003);
 }
 
+TEST(Odometry, keeps_its_heading_while_standing_whatever_gyro_and_compass_say) {
+  Odometry odometry({}, kCar);
+  std::vector<MotionSample> samples = Drive{.speed_mps = 0, .gyro_bias_radps = 0.0015}.samples(0, 60);
+  for (MotionSample& sample : samples) {
+    if (auto* imu = std::get_if<ImuSample>(&sample.value)) {
+      imu->has_orientation = true;
+      imu->heading_rad = 1.0 + 0.02 * std::sin(0.1 * seconds_between(at_s(0), sample.time));
+    }
+  }
+  odometry.integrate(samples, at_s(0), at_s(60));
+  EXPECT_NEAR(odometry.pose().theta_rad, 0, 1e-4);
+  EXPECT_LT(odometry.pose_covariance().diagonal().maxCoeff(), 1e-4);
+}
+
+TEST(Odometry, turns_with_the_gyro_where_coarse_wheel_signals_still_read_zero) {
+  Drive drive{.speed_mps = 0, .yaw_rate_radps = 0.05};
+  EXPECT_NEAR(driven(drive, 1).theta_rad, 0.05, 0.005);
+}
+
 TEST(Odometry, finds_bias_scale_and_offset_from_matches) {
   const Drive drive{.yaw_rate_radps = 0.1, .gyro_bias_radps = 0.001, .speed_scale = 0.01, .steering_offset_rad = 0.004};
   Odometry odometry({}, kCar);
