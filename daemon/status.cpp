@@ -28,11 +28,11 @@ const char* trouble_of(const CanCounters& can) {
     case CanState::working:
       return nullptr;
     case CanState::bus_off:
-      return "CAN controller is bus-off: check bit rate and wiring; 'ip link set can0 type can restart-ms 100' "
-             "restarts "
-             "it by itself, '... type can restart' once";
+      return "CAN controller is bus-off: check bit rate and wiring; 'ip link set IFACE type can restart-ms 100' "
+             "restarts it "
+             "by itself, '... type can restart' once";
     case CanState::down:
-      return "CAN interface is down: 'ip link set can0 up'";
+      return "CAN interface is down: 'ip link set IFACE up'";
     case CanState::lost:
       return "CAN interface has gone: it is opened again when one of its name is back";
   }

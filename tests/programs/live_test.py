@@ -12,6 +12,7 @@ import types
 
 import programs
 import roadvec_client
+import streamed_test
 from programs import DRIVE, SOURCE, ProgramTest, counters_of, drive_toml, read_json, run, running
 
 HALF_A_FRAME = struct.pack("<I", 1000) + b"half"
@@ -74,8 +75,8 @@ class LiveTest(ProgramTest):
         del settings["log"]
         self.tables["imu"] = {**settings, "device": str(self.serial)}
 
-    def replay(self, *arguments):
-        return running("roadvec-replay", DRIVE, "--udp", f"127.0.0.1:{self.tables['lidar']['port']}", "--position-port", 0,
+    def replay(self, *arguments, drive=DRIVE):
+        return running("roadvec-replay", drive, "--udp", f"127.0.0.1:{self.tables['lidar']['port']}", "--position-port", 0,
                        "--can-pipe", self.fifo, "--imu-pty", self.serial, "--json", *arguments)
 
     def python_client(self, lines_file):
@@ -205,6 +206,25 @@ class LiveTest(ProgramTest):
                 self.assertIn("map written to", self.stop(daemon))
                 self.assertIsNone(replay.poll())
         self.assert_rfc_7946(read_json(self.map / "map.geojson"))
+
+    def test_the_calibration_of_a_live_head_is_read_from_its_packets(self):
+        """Here the readings of one round are lost with one packet in 101; a map begins when two rounds agree."""
+        drive = self.copy_of_drive(lambda tables: tables["lidar"].update(calibration="streamed"))
+        (drive / "lidar.pcap").unlink()
+        streamed_test.write_streaming_pcap(drive / "lidar.pcap", lost_every=101)
+        self.use_serial_line()
+        self.tables["lidar"]["calibration"] = "streamed"
+        with self.replay(drive=drive) as replay:
+            self.wait_until("the serial line", self.serial.is_symlink)
+            with running("roadvecd", "--config", self.car_file(self.tables)) as daemon:
+                self.wait_until_it_serves(daemon)
+                waiting = self.wait_until("packets", lambda: (s := self.status()) and counters_of(s, "lidar")["received"] and s)
+                self.assertIn("calibration that the sensor streams", waiting["not_growing_reason"])
+                self.wait_until("a map", lambda: self.status()["line_count"] > 2)
+                put_off = counters_of(self.status(), "lidar")["uncalibrated"]
+                self.assertTrue(2 * 4160 <= put_off <= 4 * 4160, put_off)
+                self.stop(daemon)
+                self.assertIsNone(replay.poll())
 
     def test_a_daemon_without_any_input_says_so_and_stops_when_asked(self):
         with running("roadvecd", "--config", self.car_file(self.tables)) as daemon:
