@@ -21,11 +21,11 @@ fuzz_seconds=${FUZZ_SECONDS:-5}
 begin=$SECONDS
 say() { printf '\n== %s (%d s)\n' "$*" $((SECONDS - begin)); }
 
-# lint FILE...: with clang's own flags, so in the fuzz preset's tree.
+# lint FILE...: with clang's own flags, those of the fuzz preset, file by file.
 lint() {
-  cmake --preset fuzz >/dev/null
-  cmake --build --preset fuzz --target precompiled precompiled_tests >/dev/null
-  git ls-files -z "$@" | xargs -0 -n 1 -P "$(nproc)" clang-tidy-14 -p build/fuzz --quiet 2>/dev/null
+  cmake --preset fuzz -B build/lint -DCMAKE_UNITY_BUILD=OFF >/dev/null
+  cmake --build build/lint --target precompiled precompiled_tests precompiled_main >/dev/null
+  git ls-files -z "$@" | xargs -0 -n 1 -P "$(nproc)" clang-tidy-14 -p build/lint --quiet 2>/dev/null
 }
 
 say "packages"
@@ -68,16 +68,17 @@ say "fuzz: $fuzz_seconds s per parser"
 cmake --preset fuzz >/dev/null
 cmake --build --preset fuzz --target fuzzers
 /usr/bin/python3 -B tests/fuzz/make_seeds.py build/fuzz/corpus
-fuzzed=0
-for fuzzer in build/fuzz/bin/fuzz_*; do
-  name=$(basename "$fuzzer")
-  echo "$name"
-  mkdir -p "build/fuzz/corpus/$name"
-  "$fuzzer" -max_total_time="$fuzz_seconds" -timeout=10 -rss_limit_mb=2048 -print_final_stats=0 -verbosity=0 \
-    -artifact_prefix="build/fuzz/$name-" "build/fuzz/corpus/$name" >"build/fuzz/$name.log" 2>&1 ||
-    { tail -40 "build/fuzz/$name.log"; exit 1; }
-  fuzzed=$((fuzzed + 1))
-done
+fuzz() {
+  mkdir -p "build/fuzz/corpus/$1"
+  "build/fuzz/bin/$1" -max_total_time="$fuzz_seconds" -timeout=10 -rss_limit_mb=2048 -print_final_stats=0 -verbosity=0 \
+    -artifact_prefix="build/fuzz/$1-" "build/fuzz/corpus/$1" >"build/fuzz/$1.log" 2>&1 && echo "$1" ||
+    { tail -40 "build/fuzz/$1.log"; return 1; }
+}
+export -f fuzz
+export fuzz_seconds
+fuzzers=(build/fuzz/bin/fuzz_*)
+printf '%s\n' "${fuzzers[@]##*/}" | xargs -n 1 -P "$(nproc)" bash -c 'fuzz "$0"'
+fuzzed=${#fuzzers[@]}
 
 say "lint: the front end's steps and the parsers of outside bytes"
 lint 'core/boundary/*.cpp' 'core/odometry/*.cpp' drivers/can/dbc.cpp drivers/can/candump_line.cpp drivers/imu/mtdata2.cpp

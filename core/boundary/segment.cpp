@@ -237,7 +237,7 @@ void Segmenter::find_obstacles() noexcept {
     result_.seen[cell] = lowest_mm_[i] < street + under;
     // The road's height is worth its cost only where something could stand above it.
     if (highest_mm_[i] <= std::min(lowest_nearby_mm(at) + step, street + structure)) continue;
-    if (obstacles_.size() == obstacles_.capacity()) break;
+    if (obstacles_.size() == obstacles_.capacity()) continue;
     const float road_m = road_height_m(at), street_m = m_from_mm(static_cast<float>(street));
     obstacle_of_[cell] = static_cast<std::int32_t>(obstacles_.size());
     obstacle_bits_[cell / 64] |= std::uint64_t{1} << (cell % 64);

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "core/geometry/pose2.h"
@@ -17,6 +19,14 @@ enum class EndKind : std::uint8_t {
   open = 1,      ///< free space follows: the mouth of a street or a drive
   occluded = 2,  ///< something nearer hides the rest
 };
+
+inline constexpr std::array<std::string_view, 5> kBoundaryKindNames{"unknown", "curb", "barrier", "vegetation",
+                                                                    "vehicle_row"};
+inline constexpr std::array<std::string_view, 3> kEndKindNames{"unseen", "open", "occluded"};
+[[nodiscard]] constexpr std::string_view name_of(BoundaryKind kind) {
+  return kBoundaryKindNames[static_cast<std::size_t>(kind)];
+}
+[[nodiscard]] constexpr std::string_view name_of(EndKind kind) { return kEndKindNames[static_cast<std::size_t>(kind)]; }
 
 /// A vertex of a boundary line, with what was measured there.
 struct Vertex {

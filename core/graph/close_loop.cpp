@@ -42,11 +42,11 @@ Eigen::Matrix3d coordinates_at(const Eigen::Vector2d& t) {
 
 PoseCovariance inverse_of(const Eigen::Matrix3d& information) {
   const Eigen::Matrix3d regular = information + Eigen::Matrix3d(kNoInformation.asDiagonal());
-  return regular.ldlt().solve(Eigen::Matrix3d::Identity());
+  return regular.inverse();
 }
 
 double mahalanobis2(const Eigen::Vector3d& e, const PoseCovariance& covariance) {
-  return e.dot(covariance.ldlt().solve(e));
+  return e.dot(covariance.inverse() * e);
 }
 
 double score(const Match& match) { return match.overlap - 2.0 * match.rms_m; }
@@ -95,8 +95,8 @@ void LoopCloser::poses_changed(const PoseGraph& graph) {
   for (std::size_t k = 0; k < graph.poses_map.size(); ++k) enter(graph, k);
   last_full_loop_.reset();
   for (const LoopEdge& loop : graph.loops) {
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(loop.edge.information, Eigen::EigenvaluesOnly);
-    if (loop.active && eigen.eigenvalues()(0) > kFullInformation) last_full_loop_ = loop.edge;
+    const Eigen::LLT<Eigen::Matrix3d> more(loop.edge.information - kFullInformation * Eigen::Matrix3d::Identity());
+    if (loop.active && more.info() == Eigen::Success) last_full_loop_ = loop.edge;
   }
 }
 
@@ -200,13 +200,14 @@ std::optional<PoseEdge> LoopCloser::match_with(std::size_t candidate, const Pose
   }
   // (information^-1 + floor)^-1, written so that it holds for a singular information too.
   const Eigen::Matrix3d& I = match->information;
-  const Eigen::Matrix3d information = I - I * (I + floor_.inverse()).ldlt().solve(I);
+  const Eigen::Matrix3d information = I - I * (I + floor_.inverse()).inverse() * I;
   return PoseEdge{candidate, newest, match->pose, 0.5 * (information + information.transpose())};
 }
 
 /// The guess, and around it a raster over 3 sigma along the principal directions of its uncertainty.
 std::vector<Pose2> LoopCloser::starts(const Pose2& guess, const PoseCovariance& covariance) const {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> principal(Eigen::Matrix2d(covariance.block<2, 2>(0, 0)));
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> principal;
+  principal.computeDirect(covariance.block<2, 2>(0, 0));
   const auto count_for = [&](double variance_m2) {
     const double reach_m = 3.0 * std::sqrt(std::max(0.0, variance_m2));
     return std::min(config_.max_starts_per_side, static_cast<int>(reach_m / config_.start_spacing_m));

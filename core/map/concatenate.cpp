@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/square.h"
+
 namespace roadvec {
 namespace {
 
-constexpr double kCell_m = 2.0;
 // Between gate and 1.6 gate a sample neither updates a line nor starts one: what straddles the gate makes no
 // duplicates.
 constexpr double kLabelGates = 1.6;
@@ -21,8 +22,6 @@ constexpr LineId kFirstSpareId = 0xC000, kMostLines = kFirstSpareId >> kLineShif
 LineId prefix_of(std::uint64_t keyframe, LineId line) {
   return ((keyframe + 1) << kKeyframeShift) | (line << kLineShift);
 }
-double square(double v) { return v * v; }
-
 template <class Vertices>
 double length_between_m(const Vertices& vertices, std::size_t first, std::size_t last) {
   double sum_m = 0;
@@ -53,7 +52,7 @@ Concatenator::Concatenator(const ConcatenateConfig& config)
       min_cos_(std::cos(rad_from_deg(config.angle_gate_deg))),
       lines_(config.vertex_spacing_m),
       publisher_(config.publish),
-      incoming_index_(kCell_m) {}
+      incoming_index_(kIndexCell_m) {}
 
 void Concatenator::add(std::uint64_t keyframe, SensorTime time, const LineSet& lvm_vehicle,
                        const Pose2& T_map_vehicle) {

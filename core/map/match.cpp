@@ -5,10 +5,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/square.h"
+
 namespace roadvec {
 namespace {
 
-constexpr double kCell_m = 2.0;
 // While the gate is wide the pairs are rough anyway: every fourth sample steers as well as all of them.
 constexpr std::size_t kCoarseStride = 4;
 constexpr std::size_t kFewSamples = 64;
@@ -26,8 +27,6 @@ struct Rotation {
   explicit Rotation(double angle_rad) : c(std::cos(angle_rad)), s(std::sin(angle_rad)) {}
   Eigen::Vector2d operator*(const Eigen::Vector2d& v) const { return {c * v.x() - s * v.y(), s * v.x() + c * v.y()}; }
 };
-double square(double v) { return v * v; }
-
 /// Smaller eigenvalue of a symmetric 2 x 2 matrix and its unit vector.
 struct Weakest {
   double value = 0;
@@ -55,8 +54,8 @@ Matcher::Matcher(const MatchConfig& config)
     : config_(config),
       min_cos_(std::cos(rad_from_deg(config.angle_gate_deg))),
       max_turn_rad_(rad_from_deg(config.max_turn_deg)),
-      reference_(kCell_m),
-      unregistered_(kCell_m) {}
+      reference_(kIndexCell_m),
+      unregistered_(kIndexCell_m) {}
 
 void Matcher::set_reference(const LineSet& reference) noexcept {
   reference_.build(reference);

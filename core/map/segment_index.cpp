@@ -3,14 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/square.h"
+
 namespace roadvec {
 namespace {
 
 // Bounds the grid's memory when lines lie far apart: beyond it the cells grow instead.
 constexpr double kMostCells = 1 << 16;
 constexpr double kShortestSegment_m = 1e-6;
-
-double square(double v) { return v * v; }
 
 /// Cell number of a coordinate, -1 below the grid and cell_count above it. (A cast truncates; std::floor is a call.)
 int cell_of(double offset_m, double cells_per_m, int cell_count) {

@@ -10,6 +10,8 @@
 
 namespace roadvec {
 
+inline constexpr double kIndexCell_m = 2.0;  ///< suits lines of a street: a few segments in each
+
 /// The segments of a LineSet in a uniform grid of buckets: answers "which segment lies nearest" by looking only around
 /// a point.
 ///

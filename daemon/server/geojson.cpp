@@ -48,34 +48,6 @@ std::string feature(const MapLine& line, const GeographicLib::LocalCartesian& en
 
 }  // namespace
 
-std::string_view name_of(BoundaryKind kind) {
-  switch (kind) {
-    case BoundaryKind::curb:
-      return "curb";
-    case BoundaryKind::barrier:
-      return "barrier";
-    case BoundaryKind::vegetation:
-      return "vegetation";
-    case BoundaryKind::vehicle_row:
-      return "vehicle_row";
-    case BoundaryKind::unknown:
-      break;
-  }
-  return "unknown";
-}
-
-std::string_view name_of(EndKind kind) {
-  switch (kind) {
-    case EndKind::open:
-      return "open";
-    case EndKind::occluded:
-      return "occluded";
-    case EndKind::unseen:
-      break;
-  }
-  return "unseen";
-}
-
 double length_m(const VectorMap& map) {
   double length_m = 0;
   for (const auto& [id, line] : map) {

@@ -21,8 +21,6 @@ namespace roadvec {
 [[nodiscard]] std::string svg_of(const VectorMap& map, std::span<const Eigen::Vector2d> trajectory,
                                  std::string_view title);
 
-[[nodiscard]] std::string_view name_of(BoundaryKind kind);
-[[nodiscard]] std::string_view name_of(EndKind kind);
 /// Length of all lines.
 [[nodiscard]] double length_m(const VectorMap& map);
 

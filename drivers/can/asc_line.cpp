@@ -13,11 +13,10 @@ namespace roadvec {
 namespace {
 
 constexpr std::string_view kBlanks = " \t\r";
-constexpr std::size_t kMaxClassicBytes = 8;
 constexpr std::int64_t kLongest_ns = 3'000'000'000'000'000'000;  // of a log whose times are added up: 95 years
 
 /// Takes the first word; "": there is none.
-std::string_view take_word(std::string_view& text) {
+std::string_view next_word(std::string_view& text) {
   text.remove_prefix(std::min(text.find_first_not_of(kBlanks), text.size()));
   const std::string_view word = text.substr(0, text.find_first_of(kBlanks));
   text.remove_prefix(word.size());
@@ -71,7 +70,7 @@ std::optional<std::int64_t> time_of_day_ns(std::string_view word, std::string_vi
 /// `count` numbers; false: fewer, or one that is no byte.
 bool read_data(std::string_view& words, std::size_t count, int base, CanFrame& frame) {
   for (std::size_t i = 0; i < count; ++i) {
-    if (!read_number(take_word(words), frame.data[i], base)) return false;
+    if (!read_number(next_word(words), frame.data[i], base)) return false;
   }
   frame.length = static_cast<std::uint8_t>(count);
   return true;
@@ -88,33 +87,33 @@ bool is_direction(std::string_view word) { return word == "Rx" || word == "Tx"; 
 }  // namespace
 
 bool AscLines::is_header(std::string_view line) noexcept {
-  const std::string_view word = take_word(line);
+  const std::string_view word = next_word(line);
   return word == "date" || word == "base" || word == "internal" || word == "no" || word == "//" || word == "Begin";
 }
 
 bool AscLines::read_header(std::string_view line) noexcept {
   std::string_view words = line;
-  const std::string_view first = take_word(words);
+  const std::string_view first = next_word(words);
   if (first == "date") {
     read_date(words);
   } else if (first == "base") {
-    base_ = take_word(words) == "dec" ? 10 : 16;
-    take_word(words);
-    relative_ = take_word(words) == "relative";
+    base_ = next_word(words) == "dec" ? 10 : 16;
+    next_word(words);
+    relative_ = next_word(words) == "relative";
   }
   return is_header(line) || first == "End" || first.starts_with("//");
 }
 
 /// "Wed Sep 30 15:06:13.191 2020", "Mit Sep 30 03:06:13.191 pm 2020"
 void AscLines::read_date(std::string_view words) noexcept {
-  take_word(words);
-  const unsigned month = month_of(take_word(words));
+  next_word(words);
+  const unsigned month = month_of(next_word(words));
   unsigned day = 0;
   int year = 0;
-  const std::string_view day_word = take_word(words);
-  const std::string_view time = take_word(words);
-  std::string_view half = take_word(words);
-  std::string_view year_word = take_word(words);
+  const std::string_view day_word = next_word(words);
+  const std::string_view time = next_word(words);
+  std::string_view half = next_word(words);
+  std::string_view year_word = next_word(words);
   if (year_word.empty()) std::swap(half, year_word);
   const std::optional<std::int64_t> time_ns = time_of_day_ns(time, half);
   if (month == 0 || !read_number(day_word, day) || !read_number(year_word, year) || !time_ns) return;
@@ -127,24 +126,24 @@ void AscLines::read_date(std::string_view words) noexcept {
 bool AscLines::read_id(std::string_view word, CanFrame& frame) const noexcept {
   frame.extended = word.ends_with('x');
   if (frame.extended) word.remove_suffix(1);
-  return read_number(word, frame.id, base_) && frame.id <= (frame.extended ? 0x1FFFFFFFU : 0x7FFU);
+  return read_number(word, frame.id, base_) && frame.id <= (frame.extended ? kExtendedCanIdMask : kStandardCanIdMask);
 }
 
 /// "123 Rx d 2 11 22 ...", "123x Tx r", "ErrorFrame"
 std::string_view AscLines::read_classic(std::string_view words, CandumpLine& line) const noexcept {
-  const std::string_view first = take_word(words);
+  const std::string_view first = next_word(words);
   if (first == "ErrorFrame") {
     make_error(line);
     return "";
   }
-  const std::string_view direction = take_word(words);
+  const std::string_view direction = next_word(words);
   if (!is_direction(direction)) return "";  // statistics, requests to send
   if (!read_id(first, line.frame)) return "the id is no number, or too large";
-  const std::string_view kind = take_word(words);
-  const std::string_view length_word = take_word(words);
+  const std::string_view kind = next_word(words);
+  const std::string_view length_word = next_word(words);
   std::size_t length = 0;
   const bool has_length = read_number(length_word, length, 16) && length <= 15;
-  length = std::min(length, kMaxClassicBytes);  // codes 9 to 15 stand for eight bytes
+  length = std::min(length, kMaxClassicCanBytes);  // codes 9 to 15 stand for eight bytes
   if (kind == "r") {
     line.frame.remote = true;
     line.frame.length = static_cast<std::uint8_t>(has_length ? length : 0);
@@ -157,21 +156,21 @@ std::string_view AscLines::read_classic(std::string_view words, CandumpLine& lin
 
 /// "1 Rx 123 [name] brs esi dlc length data ..."
 std::string_view AscLines::read_fd(std::string_view words, CandumpLine& line) const noexcept {
-  line.interface = take_word(words);
-  if (!is_direction(take_word(words))) return "";
-  const std::string_view id = take_word(words);
+  line.interface = next_word(words);
+  if (!is_direction(next_word(words))) return "";
+  const std::string_view id = next_word(words);
   if (id == "ErrorFrame") {
     make_error(line);
     return "";
   }
   if (!read_id(id, line.frame)) return "the id is no number, or too large";
-  std::string_view bit_rate_switch = take_word(words);
-  if (bit_rate_switch != "0" && bit_rate_switch != "1") bit_rate_switch = take_word(words);  // that was the name
-  take_word(words);                                                                          // error state
-  take_word(words);                                                                          // length code
+  std::string_view bit_rate_switch = next_word(words);
+  if (bit_rate_switch != "0" && bit_rate_switch != "1") bit_rate_switch = next_word(words);  // that was the name
+  next_word(words);                                                                          // error state
+  next_word(words);                                                                          // length code
   std::size_t length = 0;
   line.frame.fd = true;
-  const bool read = (bit_rate_switch == "0" || bit_rate_switch == "1") && read_number(take_word(words), length) &&
+  const bool read = (bit_rate_switch == "0" || bit_rate_switch == "1") && read_number(next_word(words), length) &&
                     length <= kMaxCanBytes && read_data(words, length, 16, line.frame);
   if (!read) return "not brs, esi, dlc, a length of 0 to 64 and as many bytes";
   line.kind = CandumpKind::frame;
@@ -182,7 +181,7 @@ CandumpLine AscLines::parse(std::string_view line) noexcept {
   CandumpLine result;
   result.kind = CandumpKind::blank;
   std::string_view words = line;
-  const std::string_view first = take_word(words);
+  const std::string_view first = next_word(words);
   if (first.empty() || read_header(line)) return result;
   const std::optional<std::int64_t> time_ns = nanoseconds_of(first);
   if (!time_ns) {
@@ -193,7 +192,7 @@ CandumpLine AscLines::parse(std::string_view line) noexcept {
   last_ns_ = relative_ ? std::min(last_ns_, kLongest_ns) + *time_ns : *time_ns;
   result.frame.time = {date_ns_ + last_ns_};
   result.has_time = true;
-  const std::string_view second = take_word(words);
+  const std::string_view second = next_word(words);
   unsigned channel = 0;
   if (second == "CANFD") {
     result.reason = read_fd(words, result);

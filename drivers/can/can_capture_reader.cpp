@@ -29,7 +29,7 @@ bool unpack(std::span<const std::uint8_t> record, CanFrame& frame) noexcept {
   frame.extended = (id & kExtended) != 0;
   frame.remote = (id & kRemote) != 0;
   frame.error = (id & kError) != 0;
-  frame.id = id & (frame.extended || frame.error ? 0x1FFFFFFFU : 0x7FFU);
+  frame.id = id & (frame.extended || frame.error ? kExtendedCanIdMask : kStandardCanIdMask);
   const std::span<const std::uint8_t> data = record.subspan(kHeaderBytes);
   if (length > kMaxCanBytes || (!frame.remote && data.size() < length)) return false;
   frame.length = static_cast<std::uint8_t>(length);

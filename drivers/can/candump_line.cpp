@@ -10,9 +10,6 @@ namespace roadvec {
 namespace {
 
 constexpr std::uint32_t kErrorFlag = 0x20000000;  // CAN_ERR_FLAG: candump writes it as part of the id
-constexpr std::uint32_t kExtendedMask = 0x1FFFFFFF;
-constexpr std::uint32_t kStandardMask = 0x7FF;
-constexpr std::size_t kMaxClassicBytes = 8;
 
 bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
 
@@ -56,7 +53,7 @@ bool read_id(std::string_view digits, CanFrame& frame) {
   frame.extended = digits.size() == 8 && !frame.error;
   if (frame.error) id &= ~kErrorFlag;
   frame.id = id;
-  return id <= (digits.size() == 8 ? kExtendedMask : kStandardMask);
+  return id <= (digits.size() == 8 ? kExtendedCanIdMask : kStandardCanIdMask);
 }
 
 /// Pairs of digits, set off by `separator` or not; false: something else, or more than a frame holds.
@@ -101,7 +98,7 @@ std::string_view read_compact(std::string_view text, CanFrame& frame) {
     return is_fd_length(frame.length) ? "" : "no CAN FD frame has this length";
   }
   if (data.starts_with('R')) return read_remote(data, frame) ? "" : "the remote frame's length is not 0 to 8";
-  if (!read_data(without_length_code(data), '.', kMaxClassicBytes, frame)) {
+  if (!read_data(without_length_code(data), '.', kMaxClassicCanBytes, frame)) {
     return "the data are not up to 8 pairs of hexadecimal digits";
   }
   return "";
@@ -123,7 +120,7 @@ std::string_view read_console(std::string_view text, CanFrame& frame) {
   const auto [end, failed] = std::from_chars(size.data() + 1, last, length);
   frame.fd = size.size() == 4;
   if (failed != std::errc{} || end != last || size.size() > 4 ||
-      length > (frame.fd ? kMaxCanBytes : kMaxClassicBytes) || !is_fd_length(length)) {
+      length > (frame.fd ? kMaxCanBytes : kMaxClassicCanBytes) || !is_fd_length(length)) {
     return "no frame has this length";
   }
   frame.length = static_cast<std::uint8_t>(length);

@@ -14,8 +14,6 @@ namespace roadvec {
 namespace {
 
 constexpr std::uint32_t kExtendedFlag = 0x80000000;
-constexpr std::uint32_t kExtendedMask = 0x1FFFFFFF;
-constexpr std::uint32_t kStandardMask = 0x7FF;
 constexpr std::uint32_t kUnassignedSignalsId = 0xC0000000;  // pseudo message VECTOR__INDEPENDENT_SIG_MSG
 
 // A string that runs on for longer was not closed.
@@ -194,12 +192,12 @@ class Parser {
       return report("a message is 'BO_ id name: length sender'; left out with its signals");
     }
     if (length_bytes > kMaxCanBytes) return report("longer than the 64 bytes of a frame; left out with its signals");
-    if ((id & ~(kExtendedFlag | kExtendedMask)) != 0)
+    if ((id & ~(kExtendedFlag | kExtendedCanIdMask)) != 0)
       return report("id has more than 29 bits; left out with its signals");
-    const bool extended = (id & kExtendedFlag) != 0 || id > kStandardMask;
+    const bool extended = (id & kExtendedFlag) != 0 || id > kStandardCanIdMask;
     if (extended && (id & kExtendedFlag) == 0)
       report("id has more than 11 bits but no extended flag; read as extended");
-    file_.messages.push_back({.id = {id & kExtendedMask, extended},
+    file_.messages.push_back({.id = {id & kExtendedCanIdMask, extended},
                               .name = std::string(name),
                               .length_bytes = static_cast<std::uint8_t>(length_bytes),
                               .signals = {}});
@@ -274,7 +272,7 @@ class Parser {
   }
 
   DbcMessage* find(std::uint32_t id) {
-    const CanId wanted{id & kExtendedMask, (id & kExtendedFlag) != 0 || id > kStandardMask};
+    const CanId wanted{id & kExtendedCanIdMask, (id & kExtendedFlag) != 0 || id > kStandardCanIdMask};
     const auto has_id = [&wanted](const DbcMessage& message) { return message.id == wanted; };
     const auto found = std::find_if(file_.messages.begin(), file_.messages.end(), has_id);
     return found == file_.messages.end() ? nullptr : &*found;

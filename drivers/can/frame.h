@@ -9,7 +9,8 @@
 
 namespace roadvec {
 
-inline constexpr std::size_t kMaxCanBytes = 64;
+inline constexpr std::size_t kMaxCanBytes = 64, kMaxClassicCanBytes = 8;
+inline constexpr std::uint32_t kStandardCanIdMask = 0x7FF, kExtendedCanIdMask = 0x1FFFFFFF;
 
 /// One CAN or CAN FD frame as a reader hands it over.
 struct CanFrame {

@@ -9,7 +9,6 @@ namespace {
 constexpr std::uint8_t kPreamble = 0xFA;
 constexpr std::uint8_t kMaster = 0xFF;
 constexpr std::uint8_t kMtData2 = 0x36;
-constexpr std::uint8_t kDeviceError = 0x42;
 constexpr std::uint8_t kExtendedLength = 0xFF;
 
 // Data ids, with the bits for precision and frame cleared. [XsensMT0605P, MTData2 packet]
@@ -239,7 +238,7 @@ bool Mtdata2Parser::next(std::span<const std::uint8_t>& bytes, XsensSample& samp
           return true;
         }
         ++counters_.other_message_count;
-        if (message.kind == kDeviceError) ++counters_.device_error_count;
+        if (message.kind == kXsensDeviceError) ++counters_.device_error_count;
         break;
       }
     }

@@ -63,7 +63,8 @@ struct XbusMessage {
 };
 [[nodiscard]] XbusFront read_xbus(std::span<const std::uint8_t> bytes, XbusMessage& message) noexcept;
 
-inline constexpr std::size_t kMaxXbusBytes = 7 + 2048;  ///< [XsensMT0605P]: no message is longer
+inline constexpr std::uint8_t kXsensDeviceError = 0x42;  ///< message id [XsensMT0605P]
+inline constexpr std::size_t kMaxXbusBytes = 7 + 2048;   ///< [XsensMT0605P]: no message is longer
 
 /// Reads the items of an MTData2 message's content into `sample`; unknown ones are passed over by their size.
 /// Returns how many were malformed. Pure.

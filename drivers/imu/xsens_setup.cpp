@@ -20,7 +20,7 @@ using Bytes = std::vector<std::uint8_t>;
 
 // A request's answer has the next number. [XsensMT0605P]
 constexpr std::uint8_t kReqDeviceId = 0x00, kGoToMeasurement = 0x10, kReqFirmware = 0x12, kReqProductCode = 0x1C,
-                       kGoToConfig = 0x30, kDeviceError = 0x42, kOutputConfiguration = 0xC0;
+                       kGoToConfig = 0x30, kOutputConfiguration = 0xC0;
 constexpr std::uint16_t kEveryMessage = 0xFFFF;
 constexpr int kTries = 4;
 
@@ -46,7 +46,7 @@ class Dialogue {
       if (!send(request, content)) break;
       Bytes answer;
       const std::uint8_t kind = receive(static_cast<std::uint8_t>(request + 1), answer);
-      if (kind == kDeviceError) {
+      if (kind == kXsensDeviceError) {
         return fail_at(what, "the device refuses with error code " +
                                  std::to_string(answer.empty() ? 0 : answer.front()) + " of its manual");
       }
@@ -79,7 +79,7 @@ class Dialogue {
         const std::uint8_t kind = message.kind;
         content.assign(message.content.begin(), message.content.end());
         drop(message.byte_count);
-        if (kind == wanted || kind == kDeviceError) return kind;
+        if (kind == wanted || kind == kXsensDeviceError) return kind;
       } else if (front != XbusFront::incomplete) {
         drop(1);
       } else if (!read_more(until)) {

@@ -6,8 +6,6 @@
 namespace roadvec {
 namespace {
 
-/// Readings of a running head are up to 1.6 degrees apart (VLP-16, 40 turns a second), and shake by less.
-constexpr int kLargestStep_cdeg = 300;
 /// Longer than this without a firing, and what follows is another revolution (75 degrees at the slowest).
 constexpr std::int64_t kLongestPause_ns = 60'000'000;
 /// No revolution takes this long, and Return::time_ns must not run over.

@@ -12,7 +12,7 @@
 namespace roadvec {
 namespace {
 
-constexpr const char* kRemedy = "; use the YAML file that velodyne_pointcloud reads, or the sensor's db.xml";
+constexpr const char* kYamlRemedy = "; use the YAML file that velodyne_pointcloud reads, or the sensor's db.xml";
 
 /// Keys of one laser, in metres and radians. [ros-drivers/velodyne] Its converter skips zeros in the lists of least and
 /// greatest intensity, so that these may be another laser's: db.xml is the better source.
@@ -71,7 +71,7 @@ class YamlReader {
     return {reinterpret_cast<const char*>(event_.data.scalar.value), event_.data.scalar.length};
   }
   void complain(const std::string& what) {
-    if (ok()) error_ = std::string(name_) + ": " + what + kRemedy;
+    if (ok()) error_ = std::string(name_) + ": " + what + kYamlRemedy;
   }
 
   void next() {

@@ -9,7 +9,7 @@
 namespace roadvec {
 namespace {
 
-constexpr const char* kRemedy = "; use the db.xml that came with this sensor";
+constexpr const char* kXmlRemedy = "; use the db.xml that came with this sensor";
 
 /// Reads one file; the first thing wrong with it stays in `error` and every later read is void.
 class DbXmlReader {
@@ -35,7 +35,7 @@ class DbXmlReader {
 
  private:
   void complain(const std::string& what) {
-    if (error_.empty()) error_ = std::string(name_) + ": " + what + kRemedy;
+    if (error_.empty()) error_ = std::string(name_) + ": " + what + kXmlRemedy;
   }
 
   /// Newer files hold intensities as floats, so every number is read as one. [ros-drivers/velodyne #84]
@@ -137,10 +137,10 @@ Expected<Calibration> parse_db_xml(std::string_view text, std::string_view name)
   const pugi::xml_parse_result result = document.load_buffer(text.data(), text.size());
   if (!result) {
     return fail(std::string(name) + ": not XML (" + result.description() + " at byte " + std::to_string(result.offset) +
-                ")" + kRemedy);
+                ")" + kXmlRemedy);
   }
   const pugi::xml_node db = document.child("boost_serialization").child("DB");
-  if (!db) return fail(std::string(name) + ": element <boost_serialization><DB> is missing" + kRemedy);
+  if (!db) return fail(std::string(name) + ": element <boost_serialization><DB> is missing" + kXmlRemedy);
   return DbXmlReader(db, name).run();
 }
 

@@ -13,9 +13,6 @@ namespace {
 
 /// No head turns faster; a larger step between two readings is damage, not motion.
 constexpr int kFastestHead_rps = 40;
-/// A reading farther ahead of the one before is behind a sector that the head does not send; one a little back is
-/// jitter.
-constexpr int kLargestStep_cdeg = 300;
 /// Half of what the slowest head turns between two readings.
 constexpr double kSlowestTurn_cdeg = 3.5;
 /// A turn is taken from two packets no farther apart: longer, and the head may have gone round.

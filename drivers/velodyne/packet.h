@@ -22,6 +22,9 @@ inline constexpr std::array<std::uint16_t, 2> kEmptyBlockFlags{0x0000,
 inline constexpr std::uint8_t kDualReturnMode = 0x39;
 inline constexpr std::uint8_t kTripleReturnMode = 0x3A, kConfidenceReturnMode = 0x3B;  ///< VLS-128 alone [VeloView]
 inline constexpr std::uint8_t kStrongestReturnMode = 0x37, kLastReturnMode = 0x38;
+/// Readings of a running head are up to 1.6 degrees apart (VLP-16, 40 turns a second), and shake by less. One farther
+/// ahead is behind a sector that the head does not send.
+inline constexpr int kLargestStep_cdeg = 300;
 inline constexpr std::uint16_t kFullCircle_cdeg = 36000;  ///< azimuth words are hundredths of a degree, clockwise
 inline constexpr std::int64_t kHour_ns = 3'600'000'000'000;
 

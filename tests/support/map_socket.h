@@ -1,9 +1,7 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <stdlib.h>
 
-#include <filesystem>
 #include <thread>
 
 #include "core/wire/map_replica.h"
@@ -11,6 +9,7 @@
 #include "daemon/server/map_publisher.h"
 #include "daemon/server/map_server.h"
 #include "tests/support/map_story.h"
+#include "tests/support/temporary_folder.h"
 
 namespace roadvec {
 
@@ -22,16 +21,11 @@ inline constexpr MapClient::Seconds kPatience{20};
 class MapSocket : public ::testing::Test {
  protected:
   MapSocket() {
-    std::string name = (std::filesystem::temp_directory_path() / "roadvec-test-XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
     config_.socket_path = (folder_ / "map.sock").string();
     config_.start = kStart;
     config_.facts = {"0.0-test", Anchor{49.0, 8.4, 112.0, -70.98}};
   }
-  ~MapSocket() override {
-    stop();
-    std::filesystem::remove_all(folder_);
-  }
+  ~MapSocket() override { stop(); }
 
   void start(std::size_t log_bytes = std::size_t{4} << 20) {
     log_ = std::make_unique<FrameLog>(log_bytes);
@@ -82,7 +76,7 @@ class MapSocket : public ::testing::Test {
   }
   [[nodiscard]] std::uint64_t head_seq() const { return publisher_->head().seq; }
 
-  std::filesystem::path folder_;
+  TemporaryFolder folder_;
   MapServerConfig config_;
   Latest<PoseReport> poses_;
   MapStory story_{1};

@@ -35,7 +35,7 @@ kernel=$(command -v linux.uml) && [ -x /lib/systemd/systemd ] && command -v kmod
   echo "tests/vm/run.sh: no linux.uml, systemd or kmod: run tools/packages.sh test" >&2
   exit 125
 }
-work=$(mktemp -d "${TMPDIR:-/tmp}/roadvec-vm.XXXXXX")
+work=$(mktemp -d)
 guest=
 stop() {
   [ -z "$guest" ] || kill -KILL -- "-$guest" 2>/dev/null || true

@@ -1,7 +1,7 @@
-#include "tools/replay/options.h"
-
 #include <CLI/CLI.hpp>
 #include <cstdlib>
+
+#include "tools/replay/replay.h"
 
 namespace roadvec {
 namespace {
@@ -60,8 +60,7 @@ void take_endpoint(CLI::App& app, const char* name, const char* meaning, std::op
       ->option_text("HOST:PORT");
 }
 
-}  // namespace
-
+/// --help and --version print and end the program; a wrong line says why and ends it with status 2.
 ReplayOptions parse_command_line(int argc, char** argv) {
   ReplayOptions options;
   std::optional<Endpoint> udp;
@@ -77,7 +76,6 @@ ReplayOptions parse_command_line(int argc, char** argv) {
   app.add_option("--position-port", options.position_port,
                  "where the sensor's position packets go on the same host; 0: nowhere; default 8308")
       ->check(CLI::Range(0, 65535))
-
       ->option_text("PORT");
   app.add_option("--can", options.can, "CAN interface to send the frames on")->option_text("IFACE");
   app.add_option("--can-pipe", options.can_pipe, "FIFO to write the frames to, as candump -L lines")
@@ -88,7 +86,6 @@ ReplayOptions parse_command_line(int argc, char** argv) {
   auto* const speed =
       app.add_option("--speed", options.plan.speed, "times as fast as recorded, 0.01 to 1000; default 1")
           ->check(CLI::Range(0.01, 1000.0))
-
           ->option_text("X");
   auto* const fast = app.add_flag("--as-fast-as-possible", options.plan.as_fast_as_possible,
                                   "do not wait for due times; not with --speed");
@@ -111,4 +108,7 @@ ReplayOptions parse_command_line(int argc, char** argv) {
   return options;
 }
 
+}  // namespace
 }  // namespace roadvec
+
+int main(int argc, char** argv) { return roadvec::replay(roadvec::parse_command_line(argc, argv)); }

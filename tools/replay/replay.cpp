@@ -1,3 +1,5 @@
+#include "tools/replay/replay.h"
+
 #include <arpa/inet.h>
 #include <signal.h>
 #include <sys/prctl.h>
@@ -7,7 +9,6 @@
 #include <cstdio>
 
 #include "daemon/config/load.h"
-#include "tools/replay/options.h"
 #include "tools/replay/player.h"
 #include "tools/replay/report_text.h"
 #include "tools/replay/tracks.h"
@@ -98,7 +99,7 @@ void wait_for_listeners(const Player::Tracks& tracks, bool quiet) {
   }
 }
 
-Expected<PlayReport> replay(const ReplayOptions& options) {
+Expected<PlayReport> play(const ReplayOptions& options) {
   const auto settings = load_drive(options.drive);
   if (!settings) return tl::make_unexpected(settings.error());
   const auto tracks = open_tracks(*settings, options);
@@ -120,17 +121,15 @@ Expected<PlayReport> replay(const ReplayOptions& options) {
 }
 
 }  // namespace
-}  // namespace roadvec
 
-int main(int argc, char** argv) {
-  const roadvec::ReplayOptions options = roadvec::parse_command_line(argc, argv);
-  roadvec::end_on_signals();
-  ::prctl(PR_SET_TIMERSLACK,
-          1UL);  // the default lets every sleep end 50 us late: a fifth of the time between two packets
-  const auto report = roadvec::replay(options);
-  if (!report) {
-    std::fprintf(stderr, "roadvec-replay: %s\n", report.error().message.c_str());
-    return 1;
-  }
-  return 0;
+int replay(const ReplayOptions& options) {
+  end_on_signals();
+  // The default lets every sleep end 50 us late: a fifth of the time between two packets.
+  ::prctl(PR_SET_TIMERSLACK, 1UL);
+  const auto report = play(options);
+  if (report) return 0;
+  std::fprintf(stderr, "roadvec-replay: %s\n", report.error().message.c_str());
+  return 1;
 }
+
+}  // namespace roadvec

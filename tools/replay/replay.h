@@ -19,7 +19,7 @@ struct ReplayOptions {
   bool json = false;
 };
 
-/// The command line. --help and --version print and end the program; a wrong line says why and ends it with status 2.
-[[nodiscard]] ReplayOptions parse_command_line(int argc, char** argv);
+/// Plays the drive to its end or to a signal, and prints the report. Returns the exit status.
+[[nodiscard]] int replay(const ReplayOptions& options);
 
 }  // namespace roadvec

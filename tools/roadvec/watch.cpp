@@ -9,7 +9,7 @@
 namespace roadvec {
 namespace {
 
-void print(const wire::Delta& delta) {
+void print_line(const wire::Delta& delta) {
   std::size_t upserted_count = 0, removed_count = 0;
   for (const TileDelta& tile : delta.tiles) {
     upserted_count += tile.upserted.size();
@@ -18,16 +18,16 @@ void print(const wire::Delta& delta) {
   std::printf("change %" PRIu64 ": %zu tiles, %zu pieces written, %zu removed%s\n", delta.seq, delta.tiles.size(),
               upserted_count, removed_count, delta.continued ? ", to be continued" : "");
 }
-void print(const wire::EpochChange& change) {
+void print_line(const wire::EpochChange& change) {
   const Pose2 jump = change.T_map_odom_after * change.T_map_odom_before.inverse();
   std::printf("change %" PRIu64 ": epoch %016" PRIx64 ", the map moves by (%.3f, %.3f) m, %.3f deg\n", change.seq,
               change.epoch, jump.x_m, jump.y_m, deg_from_rad(jump.theta_rad));
 }
-void print(const wire::Pose& pose) {
+void print_line(const wire::Pose& pose) {
   std::printf("pose %.3f, %.3f m, %.2f deg, %.2f m/s\n", pose.T_map_vehicle.x_m, pose.T_map_vehicle.y_m,
               deg_from_rad(pose.T_map_vehicle.theta_rad), pose.speed_mps);
 }
-void print(const wire::Status& status) {
+void print_line(const wire::Status& status) {
   std::printf("status %s %s: %.1f m of map, %" PRIu64 " keyframes\n", status.state.c_str(),
               status.not_growing_reason.c_str(), status.map_length_m, status.keyframe_count);
 }
@@ -48,13 +48,13 @@ class Watcher {
 
  private:
   template <class M>
-  requires requires(const M& m) { json_of(m), print(m); }
+  requires requires(const M& m) { json_of(m), print_line(m); }
   void show_one(const M& m) {
     ++shown_count_;
     if (json_) {
       std::printf("%s\n", json_of(m).c_str());
     } else {
-      print(m);
+      print_line(m);
     }
   }
   void show_one(const wire::SnapshotEnd& end) {

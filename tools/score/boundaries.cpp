@@ -1,6 +1,7 @@
 #include "tools/score/boundaries.h"
 
 #include <GeographicLib/LocalCartesian.hpp>
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <iterator>
@@ -29,12 +30,11 @@ class LocalFrame {
   double height_m_;
 };
 
+/// A name that nobody knows is `unknown`.
 BoundaryKind kind_from(const std::string& name) {
-  if (name == "curb") return BoundaryKind::curb;
-  if (name == "barrier") return BoundaryKind::barrier;
-  if (name == "vegetation") return BoundaryKind::vegetation;
-  if (name == "vehicle_row") return BoundaryKind::vehicle_row;
-  return BoundaryKind::unknown;
+  const auto at = std::find(kBoundaryKindNames.begin(), kBoundaryKindNames.end(), name);
+  if (at == kBoundaryKindNames.end()) return BoundaryKind::unknown;
+  return static_cast<BoundaryKind>(at - kBoundaryKindNames.begin());
 }
 
 double seen_within_m(const nlohmann::json& properties) {

@@ -163,22 +163,6 @@ std::size_t count_breaks(const std::map<BinKey, Bin>& bins, const std::vector<Li
 
 }  // namespace
 
-const char* name_of(BoundaryKind kind) {
-  switch (kind) {
-    case BoundaryKind::curb:
-      return "curb";
-    case BoundaryKind::barrier:
-      return "barrier";
-    case BoundaryKind::vegetation:
-      return "vegetation";
-    case BoundaryKind::vehicle_row:
-      return "vehicle_row";
-    case BoundaryKind::unknown:
-      break;
-  }
-  return "unknown";
-}
-
 std::vector<std::optional<double>> distances_m(const std::vector<LineSample>& samples, const LineSet& lines,
                                                double gate_m) {
   return distances_m(samples, Nearest(lines), gate_m);
@@ -202,7 +186,8 @@ BoundaryScore score_boundaries(const LineSet& map, const LineSet& truth, const s
     std::copy_if(map_samples.begin(), map_samples.end(), std::back_inserter(ours), is_kind(map));
     std::copy_if(visible_samples.begin(), visible_samples.end(), std::back_inserter(theirs), is_kind(truth));
     if (ours.empty() && theirs.empty()) continue;
-    score.kinds.push_back(score_kind(name_of(kind), of_kind(map, kind), of_kind(truth, kind), ours, theirs));
+    score.kinds.push_back(
+        score_kind(std::string(name_of(kind)), of_kind(map, kind), of_kind(truth, kind), ours, theirs));
   }
   const Nearest nearest_truth(truth);
   add_lateral_errors(map_samples, nearest_truth, score);

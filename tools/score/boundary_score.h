@@ -36,8 +36,6 @@ struct BoundaryScore {
                                              const std::vector<LineSample>& truth_samples,
                                              const std::vector<bool>& visible_truth);
 
-[[nodiscard]] const char* name_of(BoundaryKind kind);
-
 /// Distance of each sample to the nearest of `lines`; empty: farther than `gate_m`.
 [[nodiscard]] std::vector<std::optional<double>> distances_m(const std::vector<LineSample>& samples,
                                                              const LineSet& lines, double gate_m);

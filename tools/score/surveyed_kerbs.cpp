@@ -9,7 +9,8 @@ namespace roadvec {
 namespace {
 
 constexpr double kSpacing_m = 0.25;
-constexpr double kGate_m = 1.5;    // farther is no counterpart: a parked car before it, or a kerb that was not surveyed
+constexpr double kCounterpart_m =
+    1.5;                           // farther is no counterpart: a parked car before it, or a kerb that was not surveyed
 constexpr double kCapped_m = 1.0;  // what has no counterpart pulls no harder than this
 constexpr double kFirstStep_m = 0.4;
 constexpr int kFirstReach = 4, kReach = 2, kLevels = 5;  // 1.6 m, then halved four times: within 2 m, to 2.5 cm
@@ -38,11 +39,11 @@ Expected<SurveyedKerbScore> score_surveyed_kerbs(const LineSet& map, const LineS
   for (int level = 0; level < kLevels; ++level, step_m /= 2) {
     const int reach = level == 0 ? kFirstReach : kReach;
     const Eigen::Vector2d centre_m = score.shift_m;
-    double best_m = cost_m(distances_m(shifted(curbs, centre_m), kerbs, kGate_m));
+    double best_m = cost_m(distances_m(shifted(curbs, centre_m), kerbs, kCounterpart_m));
     for (int i = -reach; i <= reach; ++i) {
       for (int j = -reach; j <= reach; ++j) {
         const Eigen::Vector2d shift_m = centre_m + step_m * Eigen::Vector2d(i, j);
-        const double here_m = cost_m(distances_m(shifted(curbs, shift_m), kerbs, kGate_m));
+        const double here_m = cost_m(distances_m(shifted(curbs, shift_m), kerbs, kCounterpart_m));
         if (here_m < best_m) {
           best_m = here_m;
           score.shift_m = shift_m;
@@ -51,7 +52,7 @@ Expected<SurveyedKerbScore> score_surveyed_kerbs(const LineSet& map, const LineS
     }
   }
   std::vector<double> near_m;
-  for (const auto& distance : distances_m(shifted(curbs, score.shift_m), kerbs, kGate_m)) {
+  for (const auto& distance : distances_m(shifted(curbs, score.shift_m), kerbs, kCounterpart_m)) {
     if (distance) near_m.push_back(*distance);
   }
   std::sort(near_m.begin(), near_m.end());

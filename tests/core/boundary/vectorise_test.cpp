@@ -7,16 +7,16 @@
 namespace roadvec {
 namespace {
 
-const WindowConfig kWindow;
+const WindowConfig kDefaultWindow;
 
 /// Scans a hand-drawn set of boundary points from an eye.
 struct Scene {
-  CellMap map{kWindow};
+  CellMap map{kDefaultWindow};
   VirtualScanner scanner{{}};
   Vectoriser vectoriser{{}};
 
   Scene() {
-    Window window(kWindow);
+    Window window(kDefaultWindow);
     window.centre_on({0, 0});
     map.restart(window);
   }

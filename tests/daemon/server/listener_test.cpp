@@ -8,20 +8,15 @@
 #include <fstream>
 
 #include "daemon/server/client.h"
+#include "tests/support/temporary_folder.h"
 
 namespace roadvec {
 namespace {
 
 class ListenerTest : public ::testing::Test {
  protected:
-  ListenerTest() {
-    std::string name = (std::filesystem::temp_directory_path() / "roadvec-test-XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
-    path_ = (folder_ / "map.sock").string();
-  }
-  ~ListenerTest() override { std::filesystem::remove_all(folder_); }
-  std::filesystem::path folder_;
-  std::string path_;
+  TemporaryFolder folder_;
+  std::string path_ = (folder_ / "map.sock").string();
 };
 
 TEST_F(ListenerTest, has_the_mode_it_was_given_and_removes_its_file) {
@@ -65,7 +60,7 @@ TEST_F(ListenerTest, does_not_touch_a_file_that_is_not_a_socket) {
 TEST_F(ListenerTest, names_the_path_in_its_errors) {
   EXPECT_THROW(Listener(std::string(200, 'x'), 0600, -1), std::runtime_error);
   try {
-    const Listener listener((folder_ / "missing" / "map.sock").string(), 0600, -1);
+    const Listener listener((folder_ / "missing/map.sock").string(), 0600, -1);
     FAIL();
   } catch (const std::runtime_error& e) {
     EXPECT_NE(std::string(e.what()).find("missing/map.sock"), std::string::npos);

@@ -8,6 +8,7 @@
 
 #include "drivers/can/asc_line.h"
 #include "drivers/can/can_log_reader.h"
+#include "tests/support/can_bytes.h"
 
 namespace roadvec {
 namespace {
@@ -16,10 +17,6 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 
 constexpr std::int64_t kDate_ns = 1601478373'191'000'000;  // 2020-09-30 15:06:13.191
-
-std::vector<unsigned> bytes_of(const CanFrame& frame) {
-  return {frame.data.begin(), frame.data.begin() + frame.length};
-}
 
 /// The last line of `text`, read behind those before it.
 CandumpLine last_of(const std::string& text) {

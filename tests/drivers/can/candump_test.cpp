@@ -13,16 +13,13 @@
 
 #include "drivers/can/can_log_reader.h"
 #include "drivers/can/candump_line.h"
+#include "tests/support/can_bytes.h"
 #include "tests/support/recordings.h"
 
 namespace roadvec {
 namespace {
 
 using testing::HasSubstr;
-
-std::vector<unsigned> bytes_of(const CanFrame& frame) {
-  return {frame.data.begin(), frame.data.begin() + frame.length};
-}
 
 CanFrame frame_in(const std::string& line) {
   const CandumpLine parsed = parse_candump_line(line);

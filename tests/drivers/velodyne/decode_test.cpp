@@ -323,15 +323,20 @@ Expected64 by_the_manual(const LaserCalibration& c, double azimuth_rad, double r
   return {ahead, -right, (raw_m + (dx + dy) / 2) * std::sin(c.elevation_rad) + c.vertical_offset_m};
 }
 
+/// Every correction differs from the others and from none.
+LaserCalibration odd_laser(double rotation_rad, double elevation_rad) {
+  return {.rotation_rad = rotation_rad,
+          .elevation_rad = elevation_rad,
+          .distance_m = 1.30,
+          .distance_x_m = 1.35,
+          .distance_y_m = 1.27,
+          .vertical_offset_m = 0.21,
+          .horizontal_offset_m = 0.026};
+}
+
 TEST(PacketDecoder, corrects_an_hdl64e_by_the_two_point_formula_near_and_far) {
   Calibration calibration = calibration_of(LidarModel::hdl64e_s2);
-  const LaserCalibration odd{.rotation_rad = -0.08,
-                             .elevation_rad = -0.3,
-                             .distance_m = 1.30,
-                             .distance_x_m = 1.35,
-                             .distance_y_m = 1.27,
-                             .vertical_offset_m = 0.21,
-                             .horizontal_offset_m = 0.026};
+  const LaserCalibration odd = odd_laser(-0.08, -0.3);
   calibration.lasers[0] = odd;
   for (const int azimuth_cdeg : {0, 1234, 9000, 17'999, 27'000, 35'999}) {
     for (const unsigned distance : {300U, 1000U, 5000U, 12'519U, 12'521U, 60'000U}) {
@@ -363,13 +368,7 @@ Expected64 by_ros(const LaserCalibration& c, double azimuth_rad, double raw_m) {
 
 TEST(PacketDecoder, corrects_as_ros_does_when_told_to) {
   Calibration calibration = calibration_of(LidarModel::hdl64e_s3);
-  const LaserCalibration odd{.rotation_rad = 0.05,
-                             .elevation_rad = -0.42,
-                             .distance_m = 1.30,
-                             .distance_x_m = 1.35,
-                             .distance_y_m = 1.27,
-                             .vertical_offset_m = 0.21,
-                             .horizontal_offset_m = 0.026};
+  const LaserCalibration odd = odd_laser(0.05, -0.42);
   calibration.lasers[0] = odd;
   for (const int azimuth_cdeg : {0, 1234, 9000, 27'000}) {
     for (const unsigned distance : {1000U, 5000U, 60'000U}) {

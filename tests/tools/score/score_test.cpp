@@ -6,6 +6,7 @@
 #include <fstream>
 #include <limits>
 
+#include "tests/support/temporary_folder.h"
 #include "tools/score/boundary_score.h"
 #include "tools/score/score.h"
 #include "tools/score/surveyed_kerbs.h"
@@ -181,14 +182,11 @@ TEST(SurveyedKerbs, are_met_after_the_shift_between_the_two_references) {
 
 class Files : public testing::Test {
  protected:
-  void SetUp() override { std::filesystem::create_directories(folder_); }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
   [[nodiscard]] std::filesystem::path write(const char* name, const std::string& text) const {
     std::ofstream(folder_ / name) << text;
     return folder_ / name;
   }
-  std::filesystem::path folder_ =
-      std::filesystem::path(testing::TempDir()) / testing::UnitTest::GetInstance()->current_test_info()->name();
+  TemporaryFolder folder_;
 };
 
 TEST_F(Files, of_truth_say_kind_and_from_how_near_a_line_was_seen) {

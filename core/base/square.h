@@ -1,0 +1,7 @@
+#pragma once
+
+namespace roadvec {
+
+[[nodiscard]] constexpr double square(double v) { return v * v; }
+
+}  // namespace roadvec
