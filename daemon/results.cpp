@@ -62,7 +62,7 @@ nlohmann::ordered_json json_of(const wire::Stage& stage) {
   return json;
 }
 
-std::string report_text(const wire::Status& status) {
+std::string report_text(const BackEnd& back_end, const wire::Status& status) {
   nlohmann::ordered_json json;
   json["version"] = status.server_version;
   json["wall_time_s"] = status.uptime_s;
@@ -71,6 +71,7 @@ std::string report_text(const wire::Status& status) {
   json["loops"] = status.loop_closure_count;
   json["map_length_m"] = status.map_length_m;
   json["map_lines"] = status.line_count;
+  json["map_tile_bytes"] = tile_bytes(back_end.map());
   for (const wire::Stage& stage : status.stages) json["stages"][stage.name] = json_of(stage);
   return json.dump(2) + "\n";
 }
@@ -95,7 +96,7 @@ Expected<void> write_all(const Results& results, const std::filesystem::path& di
   for (const auto& [name, text] : {std::pair{"map.geojson", geojson_of(results.back_end.map(), results.anchor)},
                                    std::pair{"map.svg", picture(results.back_end, results.status)},
                                    std::pair{"trajectory.tum", trajectory_text(results.back_end)},
-                                   std::pair{"report.json", report_text(results.status)}}) {
+                                   std::pair{"report.json", report_text(results.back_end, results.status)}}) {
     if (const Expected<void> written = write_file(directory / name, text); !written) return written;
   }
   return {};

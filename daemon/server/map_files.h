@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <span>
 #include <string>
 #include <string_view>
@@ -20,6 +21,9 @@ namespace roadvec {
 /// km.
 [[nodiscard]] std::string svg_of(const VectorMap& map, std::span<const Eigen::Vector2d> trajectory,
                                  std::string_view title);
+
+/// What a client that fetches the whole map receives: its tiles, a frame each.
+[[nodiscard]] std::size_t tile_bytes(const VectorMap& map);
 
 /// Length of all lines.
 [[nodiscard]] double length_m(const VectorMap& map);

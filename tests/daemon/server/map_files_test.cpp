@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/map/tiles.h"
+#include "core/wire/codec.h"
 #include "daemon/server/text_writer.h"
 #include "tests/support/map_story.h"
 
@@ -48,6 +50,22 @@ TEST(GeoJson, a_line_of_one_vertex_is_no_line_string) {
   dot.vertices.resize(1);
   EXPECT_THAT(geojson_of({{42, dot}}, kAnchor), Not(HasSubstr("LineString")));
   EXPECT_THAT(geojson_of({}, kAnchor), HasSubstr("\"features\":[\n]"));
+}
+
+TEST(TileBytes, are_what_a_client_receives_of_every_tile) {
+  EXPECT_EQ(tile_bytes({}), 0U);
+  MapLine far = kerb();
+  far.id = 43;
+  for (Vertex& vertex : far.vertices) vertex.y_m += 1000;
+  std::vector<char> buffer(1 << 20);
+  std::size_t bytes = 0;
+  for (const MapLine& line : {kerb(), far}) {
+    for (const auto& [key, pieces] : pieces_of(line)) {
+      bytes += wire::encode_frame(Tile{key, 1, pieces}, buffer).size();
+    }
+  }
+  EXPECT_EQ(tile_bytes({{42, kerb()}, {43, far}}), bytes);
+  EXPECT_GT(bytes, 4 * 30U) << "each line lies in two tiles";
 }
 
 TEST(Svg, shows_every_line_in_the_colour_of_its_kind_within_the_picture) {
