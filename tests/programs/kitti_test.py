@@ -22,8 +22,12 @@ class KittiTest(ProgramTest):
         self.assertEqual(lidar["sweeps"], 153)
         for name in ("wrong_length", "wrong_flags", "kernel_drops", "device_time_gaps", "ring_full", "reordered"):
             self.assertEqual(lidar[name], 0, name)
-        trajectory = self.score(drive, self.folder / "map")["trajectory"]
-        print(trajectory)
+        score = self.score(drive, self.folder / "map", "--matching", "--seeds", 1)
+        trajectory, matching = score["trajectory"], score["matching"]["methods"]
+        print(trajectory, matching)
+        for lines in ("sweep", "raw_lvm", "lvm"):
+            self.assertLessEqual(matching[lines]["median_m"], 0.03)
+        self.assertLessEqual(matching["lvm"]["lost_percent"], 5)
         self.assertLessEqual(trajectory["aligned"]["rms_m"], 0.05)
         self.assertLessEqual(trajectory["rpe_percent_per_10m"], 0.5)
 

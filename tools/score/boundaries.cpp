@@ -43,24 +43,31 @@ double seen_within_m(const nlohmann::json& properties) {
   return at->is_number() ? at->get<double>() : std::numeric_limits<double>::infinity();
 }
 
-void add_feature(const nlohmann::json& feature, const LocalFrame& frame, Boundaries& boundaries) {
+enum class Origin : std::uint8_t { map, truth };
+
+bool is_optional(const nlohmann::json& properties, Origin origin) {
+  if (origin == Origin::map) return false;
+  return properties.value("removed", false) || properties.value("height_m", kLeastHeight_m) < kLeastHeight_m;
+}
+
+void add_feature(const nlohmann::json& feature, const LocalFrame& frame, Origin origin, Boundaries& boundaries) {
   const nlohmann::json& geometry = feature.at("geometry");
   if (geometry.at("type") != "LineString") return;
   const nlohmann::json& properties = feature.at("properties");
-  boundaries.lines.begin_line({.kind = kind_from(properties.value("kind", ""))});
-  boundaries.seen_within_m.push_back(seen_within_m(properties));
+  const bool optional = is_optional(properties, origin);
+  LineSet& lines = optional ? boundaries.optional_lines : boundaries.lines;
+  lines.begin_line({.kind = kind_from(properties.value("kind", ""))});
+  if (!optional) boundaries.seen_within_m.push_back(seen_within_m(properties));
   for (const nlohmann::json& position : geometry.at("coordinates")) {
     const auto longitude_deg = position.at(0).get<double>(), latitude_deg = position.at(1).get<double>();
     if (!(std::abs(latitude_deg) <= 90 && std::abs(longitude_deg) <= 180)) {
       throw std::runtime_error("a position that is not on Earth (longitude first, then latitude)");
     }
-    boundaries.lines.push_vertex(frame.vertex(latitude_deg, longitude_deg));
+    lines.push_vertex(frame.vertex(latitude_deg, longitude_deg));
   }
 }
 
-}  // namespace
-
-Expected<Boundaries> load_geojson(const std::filesystem::path& file, const Anchor& anchor) {
+Expected<Boundaries> load_geojson(const std::filesystem::path& file, const Anchor& anchor, Origin origin) {
   std::ifstream in(file);
   if (!in) return fail(file.string() + ": cannot be read; is it a folder that roadvecd --drive wrote?");
   Boundaries boundaries;
@@ -70,13 +77,23 @@ Expected<Boundaries> load_geojson(const std::filesystem::path& file, const Ancho
     const nlohmann::json document = nlohmann::json::parse(in);
     for (const nlohmann::json& feature : document.at("features")) {
       ++feature_count;
-      add_feature(feature, frame, boundaries);
+      add_feature(feature, frame, origin, boundaries);
     }
   } catch (const std::exception& error) {
     return fail(file.string() + (feature_count > 0 ? ": feature " + std::to_string(feature_count) : "") + ": " +
                 error.what() + "; a GeoJSON FeatureCollection of LineStrings is needed");
   }
   return boundaries;
+}
+
+}  // namespace
+
+Expected<Boundaries> load_map(const std::filesystem::path& file, const Anchor& anchor) {
+  return load_geojson(file, anchor, Origin::map);
+}
+
+Expected<Boundaries> load_truth(const std::filesystem::path& file, const Anchor& anchor) {
+  return load_geojson(file, anchor, Origin::truth);
 }
 
 Expected<Boundaries> load_curbstones(const std::filesystem::path& file, const Anchor& anchor) {
@@ -121,6 +138,16 @@ std::vector<LineSample> sample(const LineSet& lines, double spacing_m) {
     }
   }
   return samples;
+}
+
+LineSet moved(const LineSet& lines, const Pose2& T) {
+  LineSet result = lines;
+  for (Vertex& vertex : result.vertices()) {
+    const Eigen::Vector2d p_m = T * vertex.position();
+    vertex.x_m = p_m.x();
+    vertex.y_m = p_m.y();
+  }
+  return result;
 }
 
 double length_m(const std::vector<LineSample>& samples) {

@@ -168,9 +168,19 @@ std::vector<std::optional<double>> distances_m(const std::vector<LineSample>& sa
   return distances_m(samples, Nearest(lines), gate_m);
 }
 
-BoundaryScore score_boundaries(const LineSet& map, const LineSet& truth, const std::vector<LineSample>& truth_samples,
-                               const std::vector<bool>& visible_truth) {
-  const std::vector<LineSample> map_samples = sample(map, kSampleSpacing_m);
+std::vector<LineSample> samples_that_count(const LineSet& map, const Boundaries& truth) {
+  const std::vector<LineSample> samples = sample(map, kSampleSpacing_m);
+  const auto to_truth = distances_m(samples, truth.lines, kGate_m),
+             to_optional = distances_m(samples, truth.optional_lines, kGate_m);
+  std::vector<LineSample> counting;
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    if (!to_optional[i] || to_truth[i].value_or(kGate_m) <= *to_optional[i]) counting.push_back(samples[i]);
+  }
+  return counting;
+}
+
+BoundaryScore score_boundaries(const LineSet& map, const std::vector<LineSample>& map_samples, const LineSet& truth,
+                               const std::vector<LineSample>& truth_samples, const std::vector<bool>& visible_truth) {
   std::vector<LineSample> visible_samples;
   for (std::size_t i = 0; i < truth_samples.size(); ++i) {
     if (visible_truth[i]) visible_samples.push_back(truth_samples[i]);

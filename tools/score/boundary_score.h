@@ -30,11 +30,15 @@ struct BoundaryScore {
   double breaks_per_100m = 0;  ///< of visible truth
 };
 
-/// `visible_truth`: one flag for each sample of the truth at kSampleSpacing_m. Truth that is not visible can still make
-/// a map line right, but is not asked for.
-[[nodiscard]] BoundaryScore score_boundaries(const LineSet& map, const LineSet& truth,
-                                             const std::vector<LineSample>& truth_samples,
+/// `map_samples`: those of samples_that_count(). `visible_truth`: one flag for each sample of the truth at
+/// kSampleSpacing_m. Truth that is not visible can still make a map line right, but is not asked for.
+[[nodiscard]] BoundaryScore score_boundaries(const LineSet& map, const std::vector<LineSample>& map_samples,
+                                             const LineSet& truth, const std::vector<LineSample>& truth_samples,
                                              const std::vector<bool>& visible_truth);
+
+/// The map at kSampleSpacing_m, without what lies on an optional line: nearer to it than to any other truth, and within
+/// 0.5 m.
+[[nodiscard]] std::vector<LineSample> samples_that_count(const LineSet& map, const Boundaries& truth);
 
 /// Distance of each sample to the nearest of `lines`; empty: farther than `gate_m`.
 [[nodiscard]] std::vector<std::optional<double>> distances_m(const std::vector<LineSample>& samples,

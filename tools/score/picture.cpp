@@ -81,7 +81,9 @@ std::string picture_of(const Score& score) {
   const auto is_visible = [&](std::size_t i) { return score.visible_truth[i]; };
   draw_samples(picture, score.truth_samples, "#e8e8e8", 5, [&](std::size_t i) { return !is_visible(i); });
   draw_samples(picture, score.truth_samples, "#b8c4d6", 5, is_visible);
-  const std::vector<LineSample> map_samples = sample(score.map.lines, kSampleSpacing_m);
+  const std::vector<LineSample> optional_samples = sample(score.truth.optional_lines, kSampleSpacing_m);
+  draw_samples(picture, optional_samples, "#f2e6c9", 5, [](std::size_t) { return true; });
+  const std::vector<LineSample> map_samples = samples_that_count(score.map.lines, score.truth);
   const auto errors = distances_m(map_samples, score.truth.lines, kTolerances_m.back());
   const auto within = [&](double least_m, double most_m) {
     return [&errors, least_m, most_m](std::size_t i) {
@@ -95,10 +97,11 @@ std::string picture_of(const Score& score) {
   draw_way(picture, score.true_way, "#888888");
   draw_way(picture, score.ours, "#3a5fcd");
   picture.label(1, "#6b7f9e", "truth that was visible; paler: that was not");
-  picture.label(2, "#1a7f37", "map within 0.1 m of the truth");
-  picture.label(3, "#d98e04", "within 0.3 m");
-  picture.label(4, "#c1121f", "farther");
-  picture.label(5, "#3a5fcd", "way driven, by us; grey: truly");
+  picture.label(2, "#b09a5b", "truth that a map may have or lack");
+  picture.label(3, "#1a7f37", "map within 0.1 m of the truth");
+  picture.label(4, "#d98e04", "within 0.3 m");
+  picture.label(5, "#c1121f", "farther");
+  picture.label(6, "#3a5fcd", "way driven, by us; grey: truly");
   return picture.finish();
 }
 

@@ -1,4 +1,5 @@
-#include <cstdio>
+#include "tools/score/report.h"
+
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -28,6 +29,17 @@ void print_boundaries(const BoundaryScore& score, std::FILE* out) {
                score.break_count, score.breaks_per_100m);
 }
 
+void print_size(const MapSize& size, std::FILE* out) {
+  const auto row = [&](const char* what, const std::optional<std::uintmax_t>& bytes) {
+    if (!bytes) return;
+    std::fprintf(out, "  %-13s  %.1f kB", what, 1e-3 * static_cast<double>(*bytes));
+    if (const auto per_km = size.per_km(*bytes)) std::fprintf(out, ": %.1f kB per km driven", 1e-3 * *per_km);
+    std::fputc('\n', out);
+  };
+  row("tiles", size.tile_bytes);
+  row("GeoJSON", size.geojson_bytes);
+}
+
 void print_trajectory(const TrajectoryScore& score, std::FILE* out) {
   std::fprintf(out, "trajectory    %zu poses over %.1f m\n", score.pose_count, score.way_m);
   std::fprintf(out, "  from the start pose  mean %.3f m, rms %.3f m, max %.3f m\n", score.from_start.mean_m,
@@ -37,13 +49,17 @@ void print_trajectory(const TrajectoryScore& score, std::FILE* out) {
   if (score.rpe_percent_per_10m) std::fprintf(out, "  relative, over 10 m  %.3f %%\n", *score.rpe_percent_per_10m);
 }
 
-nlohmann::json errors_json(const PositionErrors& errors) {
-  return {{"mean_m", errors.mean_m}, {"rms_m", errors.rms_m}, {"max_m", errors.max_m}};
-}
-
 template <class T>
 nlohmann::json or_null(const std::optional<T>& value) {
   return value ? nlohmann::json(*value) : nlohmann::json();
+}
+
+nlohmann::json size_json(const MapSize& size) {
+  const auto per_km = size.tile_bytes ? size.per_km(*size.tile_bytes) : std::nullopt;
+  return {{"tile_bytes", or_null(size.tile_bytes)},
+          {"tile_bytes_per_km", or_null(per_km)},
+          {"geojson_bytes", size.geojson_bytes},
+          {"geojson_bytes_per_km", or_null(size.per_km(size.geojson_bytes))}};
 }
 
 nlohmann::json boundaries_json(const BoundaryScore& score) {
@@ -68,11 +84,20 @@ nlohmann::json boundaries_json(const BoundaryScore& score) {
 
 }  // namespace
 
+nlohmann::json errors_json(const PositionErrors& errors) {
+  return {{"mean_m", errors.mean_m}, {"rms_m", errors.rms_m}, {"max_m", errors.max_m}};
+}
+
 void print_text(const Score& score, std::FILE* out) {
   std::fprintf(out, "map           %.1f m of boundary in %zu lines, %zu vertices\n", score.map_m, score.line_count,
                score.vertex_count);
+  print_size(score.size, out);
   if (score.boundaries) print_boundaries(*score.boundaries, out);
   if (score.trajectory) print_trajectory(*score.trajectory, out);
+  if (score.matching) {
+    std::fputs("matching      against the truth of the motion between two frames; time in ms\n", out);
+    print_matching(*score.matching, out);
+  }
   if (!score.surveyed_kerbs) return;
   const SurveyedKerbScore& kerbs = *score.surveyed_kerbs;
   std::fprintf(
@@ -88,6 +113,7 @@ void print_text(const Score& score, std::FILE* out) {
 std::string json_of(const Score& score) {
   nlohmann::json json{
       {"map", {{"length_m", score.map_m}, {"lines", score.line_count}, {"vertices", score.vertex_count}}}};
+  json["map"].update(size_json(score.size));
   if (score.boundaries) json["boundaries"] = boundaries_json(*score.boundaries);
   if (score.trajectory) {
     const TrajectoryScore& trajectory = *score.trajectory;
@@ -97,6 +123,7 @@ std::string json_of(const Score& score) {
                           {"aligned", errors_json(trajectory.aligned)},
                           {"rpe_percent_per_10m", or_null(trajectory.rpe_percent_per_10m)}};
   }
+  if (score.matching) json["matching"] = matching_json(*score.matching);
   if (score.surveyed_kerbs) {
     const SurveyedKerbScore& kerbs = *score.surveyed_kerbs;
     json["surveyed_kerbs"] = {{"shift_east_m", kerbs.shift_m.x()},

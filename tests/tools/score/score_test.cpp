@@ -36,7 +36,7 @@ LineSet bend(double shift_m = 0) {
 
 BoundaryScore score_all(const LineSet& map, const LineSet& truth) {
   const auto samples = sample(truth, kSampleSpacing_m);
-  return score_boundaries(map, truth, samples, std::vector<bool>(samples.size(), true));
+  return score_boundaries(map, sample(map, kSampleSpacing_m), truth, samples, std::vector<bool>(samples.size(), true));
 }
 
 double f1_at(const BoundaryScore& score, double tolerance_m) {
@@ -98,9 +98,20 @@ TEST(BoundaryScore, does_not_ask_for_what_was_not_visible) {
   const auto samples = sample(truth, kSampleSpacing_m);
   std::vector<bool> visible(samples.size());
   for (std::size_t i = 0; i < samples.size(); ++i) visible[i] = samples[i].line == 0;
-  const BoundaryScore score = score_boundaries(lines({{{0, 0}, {50, 0}}}), truth, samples, visible);
+  const LineSet map = lines({{{0, 0}, {50, 0}}});
+  const BoundaryScore score = score_boundaries(map, sample(map, kSampleSpacing_m), truth, samples, visible);
   EXPECT_EQ(score.kinds.front().recall.front(), 1.0);
   EXPECT_NEAR(score.truth_total_m, 100, 1e-6);
+}
+
+TEST(BoundaryScore, does_not_count_what_lies_on_a_line_that_may_be_mapped_or_not) {
+  Boundaries truth;
+  truth.lines = lines({{{0, 0}, {50, 0}}});
+  truth.optional_lines = lines({{{50, 0}, {80, 0}}, {{0, 0.3}, {50, 0.3}}});
+  const LineSet map = lines({{{0, 0.1}, {80, 0.1}}, {{0, 10}, {20, 10}}});
+  EXPECT_NEAR(length_m(samples_that_count(map, truth)), 50 + 20, 0.6) << "on the kerb, and what lies on nothing";
+  truth.optional_lines = {};
+  EXPECT_NEAR(length_m(samples_that_count(map, truth)), 80 + 20, 1e-6);
 }
 
 TEST(BoundaryScore, of_an_empty_map_finds_nothing) {
@@ -170,6 +181,13 @@ TEST(TrajectoryScore, refuses_drives_of_different_times) {
   EXPECT_THAT(score.error().message, HasSubstr("same drive"));
 }
 
+TEST(MapSize, is_told_per_kilometre_driven) {
+  MapSize size;
+  EXPECT_FALSE(size.per_km(1000));
+  size.driven_m = 250;
+  EXPECT_NEAR(*size.per_km(1000), 4000, 1e-9);
+}
+
 TEST(SurveyedKerbs, are_met_after_the_shift_between_the_two_references) {
   const LineSet kerbs = lines({{{0, 0}, {60, 0}}, {{60, 0}, {60, 40}}});
   const Expected<SurveyedKerbScore> score = score_surveyed_kerbs(bend(0.8), kerbs);
@@ -193,7 +211,7 @@ TEST_F(Files, of_truth_say_kind_and_from_how_near_a_line_was_seen) {
   const auto file = write("truth.geojson", R"({"type":"FeatureCollection","features":[
     {"type":"Feature","properties":{"kind":"curb","seen_within_m":20},"geometry":{"type":"LineString","coordinates":[[8.4,49],[8.401,49]]}},
     {"type":"Feature","properties":{"kind":"barrier","seen_within_m":null},"geometry":{"type":"LineString","coordinates":[[8.4,49,112],[8.4,49.001]]}}]})");
-  const auto truth = load_geojson(file, kAnchor);
+  const auto truth = load_truth(file, kAnchor);
   ASSERT_TRUE(truth) << truth.error().message;
   ASSERT_EQ(truth->lines.lines().size(), 2U);
   EXPECT_EQ(truth->lines.lines()[1].attributes.kind, BoundaryKind::barrier);
@@ -202,17 +220,34 @@ TEST_F(Files, of_truth_say_kind_and_from_how_near_a_line_was_seen) {
   EXPECT_NEAR(length_m(sample(truth->lines, 0.1)), 73.2 + 111.2, 0.2);
 }
 
+TEST_F(Files, of_truth_say_what_may_be_mapped_or_not_and_maps_have_nothing_of_the_kind) {
+  const auto file = write("truth.geojson", R"({"type":"FeatureCollection","features":[
+    {"properties":{"kind":"curb","height_m":0.12},"geometry":{"type":"LineString","coordinates":[[8.4,49],[8.401,49]]}},
+    {"properties":{"kind":"curb","height_m":0.03},"geometry":{"type":"LineString","coordinates":[[8.4,49],[8.401,49]]}},
+    {"properties":{"kind":"unknown","height_m":0},"geometry":{"type":"LineString","coordinates":[[8.4,49],[8.401,49]]}},
+    {"properties":{"kind":"barrier","height_m":2,"removed":true},"geometry":{"type":"LineString","coordinates":[[8.4,49],[8.401,49]]}},
+    {"properties":{"kind":"barrier"},"geometry":{"type":"LineString","coordinates":[[8.4,49],[8.401,49]]}}]})");
+  const auto truth = load_truth(file, kAnchor);
+  ASSERT_TRUE(truth) << truth.error().message;
+  EXPECT_EQ(truth->lines.lines().size(), 2U);
+  EXPECT_EQ(truth->seen_within_m.size(), 2U);
+  EXPECT_EQ(truth->optional_lines.lines().size(), 3U);
+  const auto map = load_map(file, kAnchor);
+  ASSERT_TRUE(map);
+  EXPECT_EQ(map->lines.lines().size(), 5U);
+}
+
 TEST_F(Files, that_are_damaged_are_named_with_place_and_remedy) {
-  const auto cut = load_geojson(write("cut.geojson", R"({"features":[{"geometry":)"), kAnchor);
+  const auto cut = load_map(write("cut.geojson", R"({"features":[{"geometry":)"), kAnchor);
   ASSERT_FALSE(cut);
   EXPECT_THAT(cut.error().message, HasSubstr("cut.geojson"));
-  const auto nowhere = load_geojson(
-      write("nowhere.geojson",
-            R"({"features":[{"properties":{},"geometry":{"type":"LineString","coordinates":[[8.4,490]]}}]})"),
-      kAnchor);
+  const auto nowhere =
+      load_map(write("nowhere.geojson",
+                     R"({"features":[{"properties":{},"geometry":{"type":"LineString","coordinates":[[8.4,490]]}}]})"),
+               kAnchor);
   ASSERT_FALSE(nowhere);
   EXPECT_THAT(nowhere.error().message, HasSubstr("feature 1: a position that is not on Earth"));
-  EXPECT_FALSE(load_geojson(folder_ / "absent.geojson", kAnchor));
+  EXPECT_FALSE(load_map(folder_ / "absent.geojson", kAnchor));
 
   const auto tum = load_tum(write("bad.tum", "# t x y z qx qy qz qw\n1 2 3 0 0 0 0 1\n2 3 four 0 0 0 0 1\n"));
   ASSERT_FALSE(tum);
