@@ -19,7 +19,4 @@ struct LidarHead {
 /// distance correction above a metre. Near and far correction are equal, so that a distance has one exact raw value.
 [[nodiscard]] Expected<LidarHead> make_lidar_head(const std::string& model_name);
 
-/// The calibration as Velodyne writes it, in degrees and centimetres.
-[[nodiscard]] std::string db_xml(const Calibration& calibration);
-
 }  // namespace roadvec

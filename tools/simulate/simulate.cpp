@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <array>
-#include <system_error>
 
 #include "core/base/angle.h"
+#include "tools/recording/db_xml_writer.h"
+#include "tools/recording/drive_folder.h"
+#include "tools/recording/pcap_writer.h"
 #include "tools/simulate/lidar_scanner.h"
-#include "tools/simulate/pcap_writer.h"
 #include "tools/simulate/truth_files.h"
 #include "tools/simulate/vehicle_logs.h"
 
@@ -17,16 +18,6 @@ namespace fs = std::filesystem;
 
 /// Noise streams of a seed, one for each sensor.
 enum Stream : std::uint64_t { kLidarStream = 1, kLossStream = 2, kImuStream = 3 };
-
-Expected<void> make_folder(const fs::path& out) {
-  std::error_code code;
-  if (fs::exists(out, code) && !(fs::is_directory(out, code) && fs::is_empty(out, code))) {
-    return fail(out.string() + " is there already and not an empty folder; name another one or remove it");
-  }
-  if (!code) fs::create_directories(out / "truth", code);
-  if (code) return fail("cannot make the folder " + out.string() + ": " + code.message());
-  return {};
-}
 
 /// A car on the sidewalk or in another car is a mistake in the scene, and beams would start below the ground.
 Expected<void> check_clear_way(const Scene& scene, const World& world, const CarMotion& motion) {
@@ -46,44 +37,23 @@ Expected<void> check_clear_way(const Scene& scene, const World& world, const Car
   return {};
 }
 
-/// A scene's name as part of a text in quotes.
-std::string harmless(const std::string& name) {
-  std::string text = fs::path(name).filename().string();
-  for (char& c : text) c = c < ' ' || c == '"' || c == '\\' || c == 0x7F ? '_' : c;
-  return text;
-}
-
-std::string drive_toml(const Scene& scene, const std::string& name, const LidarHead& head,
-                       const SimulateOptions& options, const Pose2& start) {
-  std::string text = print("source = \"roadvec-simulate, scene %s, seed %llu: made up, free for any use\"\n\n[lidar]\n",
-                           harmless(name).c_str(), static_cast<unsigned long long>(options.seed));
-  text += print("model = \"%s\"\n", scene.lidar.model.c_str());
-  if (facts_of(head.model).needs_calibration()) text += "calibration = \"db.xml\"\n";
-  text += print(
-      "pcap = \"lidar.pcap\"\nx_m = %.4f\ny_m = %.4f\nz_m = %.4f\nroll_deg = %.4f\npitch_deg = %.4f\nyaw_deg = %.4f\n",
-      scene.lidar.x_m, scene.lidar.y_m, scene.lidar.z_m, scene.lidar.roll_deg, scene.lidar.pitch_deg,
-      scene.lidar.yaw_deg);
-  text += print("\n[vehicle]\nwheelbase_m = %.4f\ntrack_m = %.4f\nsteering_ratio = %.4f\n", scene.car.wheelbase_m,
-                scene.car.track_m, scene.car.steering_ratio);
-  text +=
-      "can = \"can.log\"\ndbc = \"vehicle.dbc\"\nsteering_signal = \"SteeringSensor.SteeringWheelAngle\"\n"
-      "wheel_speed_signals = [\"WheelSpeeds.WheelSpeedFL\", \"WheelSpeeds.WheelSpeedFR\", "
-      "\"WheelSpeeds.WheelSpeedRL\", "
-      "\"WheelSpeeds.WheelSpeedRR\"]\n"
-      "\n[imu]\nprotocol = \"xsens\"\nlog = \"imu.log\"\nroll_deg = 0.0\npitch_deg = 0.0\nyaw_deg = 0.0\n";
-  text += print("\n[anchor]\nlatitude_deg = %.9f\nlongitude_deg = %.9f\nheight_m = %.3f\nyaw_deg = %.6f\n",
-                scene.anchor.latitude_deg, scene.anchor.longitude_deg, scene.anchor.height_m,
-                deg_from_rad(start.theta_rad));
-  return text;
-}
-
-/// Creates the file, lets `fill` write it, closes it.
-template <class Fill>
-Expected<void> write_file(const fs::path& path, Fill&& fill) {
-  auto file = OutputFile::create(path);
-  if (!file) return tl::unexpected(file.error());
-  fill(*file);
-  return file->close();
+DriveDescription description(const Scene& scene, const std::string& name, const LidarHead& head,
+                             const SimulateOptions& options, const Pose2& start) {
+  DriveDescription drive;
+  drive.source = print("roadvec-simulate, scene %s, seed %llu: made up, free for any use",
+                       fs::path(name).filename().c_str(), static_cast<unsigned long long>(options.seed));
+  drive.lidar_model = scene.lidar.model;
+  drive.has_calibration = facts_of(head.model).needs_calibration();
+  drive.lidar_x_m = scene.lidar.x_m;
+  drive.lidar_y_m = scene.lidar.y_m;
+  drive.lidar_z_m = scene.lidar.z_m;
+  drive.lidar = {scene.lidar.roll_deg, scene.lidar.pitch_deg, scene.lidar.yaw_deg};
+  drive.wheelbase_m = scene.car.wheelbase_m;
+  drive.track_m = scene.car.track_m;
+  drive.steering_ratio = scene.car.steering_ratio;
+  drive.anchor = {scene.anchor.latitude_deg, scene.anchor.longitude_deg, scene.anchor.height_m,
+                  deg_from_rad(start.theta_rad)};
+  return drive;
 }
 
 double distance_m(const CarMotion& motion, double duration_s) {
@@ -134,7 +104,7 @@ Expected<SimulateReport> simulate(Scene scene, const std::string& scene_name, co
   if (!motion) return fail(scene_name + ": " + motion.error().message);
   if (auto clear = check_clear_way(scene, built->world, *motion); !clear)
     return fail(scene_name + ": " + clear.error().message);
-  if (auto made = make_folder(out); !made) return tl::unexpected(made.error());
+  if (auto made = make_drive_folder(out); !made) return tl::unexpected(made.error());
 
   SimulateReport report;
   report.model = scene.lidar.model;
@@ -144,8 +114,9 @@ Expected<SimulateReport> simulate(Scene scene, const std::string& scene_name, co
   LidarScanner scanner(scene, *head, built->world, *motion, Random(options.seed, kLidarStream));
   return write_lidar(scene, options, out, scanner, report)
       .and_then([&] {
-        return write_file(out / "drive.toml",
-                          [&](OutputFile& file) { file.write(drive_toml(scene, scene_name, *head, options, start)); });
+        return write_file(out / "drive.toml", [&](OutputFile& file) {
+          file.write(drive_toml(description(scene, scene_name, *head, options, start)));
+        });
       })
       .and_then([&]() -> Expected<void> {
         if (!facts_of(head->model).needs_calibration()) return {};

@@ -3,7 +3,7 @@
 #include <GeographicLib/LocalCartesian.hpp>
 #include <cmath>
 
-#include "tools/simulate/vehicle_logs.h"
+#include "tools/recording/car_messages.h"
 
 namespace roadvec {
 void write_poses_tum(const Scene& scene, const CarMotion& motion, double duration_s, OutputFile& file) {

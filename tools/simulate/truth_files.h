@@ -4,9 +4,9 @@
 #include <span>
 #include <vector>
 
+#include "tools/recording/output_file.h"
 #include "tools/simulate/car_motion.h"
 #include "tools/simulate/lidar_scanner.h"
-#include "tools/simulate/output_file.h"
 #include "tools/simulate/world_builder.h"
 
 namespace roadvec {

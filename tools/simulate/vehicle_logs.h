@@ -3,9 +3,8 @@
 #include <cstdint>
 #include <string_view>
 
-#include "core/base/time.h"
+#include "tools/recording/output_file.h"
 #include "tools/simulate/car_motion.h"
-#include "tools/simulate/output_file.h"
 #include "tools/simulate/random.h"
 #include "tools/simulate/scene.h"
 
@@ -21,8 +20,5 @@ std::uint64_t write_can_log(const Scene& scene, const CarMotion& motion, double 
 /// orientation.
 std::uint64_t write_imu_log(const Scene& scene, const CarMotion& motion, double duration_s, Random random,
                             OutputFile& file);
-
-/// "1767268800.001300": seconds with six decimals.
-[[nodiscard]] std::string stamp(SensorTime time);
 
 }  // namespace roadvec

@@ -15,13 +15,6 @@
 
 namespace roadvec {
 
-[[nodiscard]] inline std::string bytes_of(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
-
 /// A straight road to the east, kerbs at y = +-4, walls at y = +-9: every surface is known without the simulator's own
 /// geometry.
 inline constexpr double kKerb_m = 4, kKerbHeight_m = 0.12, kWall_m = 9, kWallHeight_m = 5;

@@ -1,4 +1,4 @@
-#include "tools/simulate/output_file.h"
+#include "tools/recording/output_file.h"
 
 #include <cerrno>
 #include <cstdarg>

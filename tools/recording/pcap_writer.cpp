@@ -1,4 +1,4 @@
-#include "tools/simulate/pcap_writer.h"
+#include "tools/recording/pcap_writer.h"
 
 #include <vector>
 

@@ -1,7 +1,11 @@
-#include "tools/simulate/pcap_writer.h"
+#include "tools/recording/pcap_writer.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
 
 #include "drivers/velodyne/packet.h"
-#include "tests/tools/simulate/made_drive.h"
+#include "tests/support/temporary_folder.h"
 
 namespace roadvec {
 namespace {

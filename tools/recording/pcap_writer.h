@@ -4,7 +4,7 @@
 #include <span>
 
 #include "core/base/time.h"
-#include "tools/simulate/output_file.h"
+#include "tools/recording/output_file.h"
 
 namespace roadvec {
 
