@@ -13,7 +13,7 @@ std::string harmless(std::string text) {
   return text;
 }
 
-std::string angles(const MountingAngles& mounting) {
+std::string angles(const MountingDegrees& mounting) {
   return print("roll_deg = %.4f\npitch_deg = %.4f\nyaw_deg = %.4f\n", mounting.roll_deg, mounting.pitch_deg,
                mounting.yaw_deg);
 }

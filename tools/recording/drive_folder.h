@@ -10,7 +10,7 @@
 namespace roadvec {
 
 /// How a sensor sits in the vehicle: R = Rz Ry Rx.
-struct MountingAngles {
+struct MountingDegrees {
   double roll_deg = 0, pitch_deg = 0, yaw_deg = 0;
 };
 
@@ -21,7 +21,7 @@ struct DriveDescription {
   std::string lidar_model;
   bool has_calibration = true;
   double lidar_x_m = 0, lidar_y_m = 0, lidar_z_m = 0;
-  MountingAngles lidar, imu;
+  MountingDegrees lidar, imu;
   double wheelbase_m = 0, track_m = 0, steering_ratio = 0;
   Anchor anchor;
 };
