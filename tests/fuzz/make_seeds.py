@@ -120,6 +120,9 @@ yaw_deg = 10.0
 HELLO = b"\x0a\x08\x08\x01\x10\x00\x1a\x02me"  # Envelope.hello: version 1, any minor, a name
 GET_TILES, SUBSCRIBE = b"\x1a\x00", b"\x2a\x00"
 
+KITTI_ROW = b"49.01 8.42 112.8 0.02 1e-05 -1.22 " + b"0.5 " * 24
+KITTI_SCAN = b"".join(struct.pack("<4f", *p) for p in ((9, 1, -1, 0.3), (-9, 1, -1, 0.3), (9, -1, -1, 0.3), (8, 1, -1, 0.3), (0, 0, 0, 0)))
+
 SEEDS = {
     "fuzz_velodyne_packet": [bytes((model, 10)) + packet * 3 for model in range(7) for packet in (VLP16, DUAL, HDL64, VLS128)],
     "fuzz_pcap": [pcap([udp_frame(VLP16)] * 3), pcap([udp_frame(POSITION)]), udp_frame(VLP16)],
@@ -132,6 +135,8 @@ SEEDS = {
     "fuzz_mtdata2": [bytes((20,)) + MTDATA2 * 2, bytes((20,)) + MTDATA2[:-1] + b"\0" + MTDATA2],
     "fuzz_ncom": [b"\x48" + ncom() * 2],
     "fuzz_imu_log": [b"(1700000000.123456) " + MTDATA2.hex().encode()],
+    "fuzz_kitti": [b"\0" + b"2011-09-26 13:04:32.349659964", b"\1" + KITTI_ROW, b"\3" + KITTI_SCAN,
+                   b"\2calib_time: x\nR: 1 0 0 0 1 0 0 0 1\nT: -0.8 0.3 -0.8\n"],
     "fuzz_wire": [HELLO, GET_TILES, SUBSCRIBE],
     "fuzz_server_frame": [b"\x10" + b"".join(struct.pack("<I", len(m)) + m for m in (HELLO, GET_TILES, SUBSCRIBE))],
     "fuzz_config": [CONFIG],

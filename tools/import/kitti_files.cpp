@@ -164,8 +164,8 @@ Expected<std::vector<KittiPoint>> parse_scan(std::span<const std::uint8_t> bytes
   std::vector<KittiPoint> points;
   points.reserve(bytes.size() / kPointBytes);
   const auto value = [&](std::size_t at) {
-    const std::uint32_t word =
-        bytes[at] | bytes[at + 1] << 8 | bytes[at + 2] << 16 | static_cast<std::uint32_t>(bytes[at + 3]) << 24;
+    std::uint32_t word = 0;
+    for (std::size_t i = 4; i-- > 0;) word = word << 8 | bytes[at + i];
     return std::bit_cast<float>(word);
   };
   for (std::size_t at = 0; at < bytes.size(); at += kPointBytes) {
