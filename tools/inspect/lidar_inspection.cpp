@@ -187,6 +187,24 @@ void read_all(PcapReader& reader, const LidarInspectionOptions& options, SweepDe
   result.gps = clock.report();
 }
 
+/// A second reading, so that the report's own does not depend on it.
+Expected<LidarStatistics> gather_statistics(const LidarInspectionOptions& options,
+                                            const PcapReaderOptions& reader_options, const Decoding& decoding) {
+  LidarCounters counters;
+  auto reader = PcapReader::open(options.pcap, reader_options, counters);
+  if (!reader) return tl::unexpected(reader.error());
+  StatisticsCollector collector(decoding.model);
+  SweepDecoder decoder(decoding.model, decoding.calibration, {}, collector, counters);
+  std::span<const RawPacket> batch;
+  while ((*reader)->read(batch, {}) == ReadResult::packets) {
+    for (const RawPacket& packet : batch) {
+      decoder.add(packet);
+      if (decoder.calibrated()) collector.add(packet, decoder.last_packet());
+    }
+  }
+  return collector.figures();
+}
+
 void note_oddities(LidarInspection& result) {
   const Survey& survey = result.survey;
   if (result.seen_model && survey.bank_count != 2 && claimed_model(survey) != model_text(*result.seen_model)) {
@@ -232,6 +250,12 @@ Expected<LidarInspection> inspect_lidar(const LidarInspectionOptions& options) {
     result.other_product_id_count = decoder.decoder().other_product_id_count();
     if (result.survey.bank_count == 2) result.status = decoder.status();
     note_sweeps(recorder, result);
+    if (options.statistics) {
+      auto statistics = gather_statistics(options, reader_options, **decoding);
+      if (!statistics) return tl::unexpected(statistics.error());
+      result.statistics = std::move(*statistics);
+      result.statistics->path = options.pcap;
+    }
   } else {
     read_all(**reader, options, nullptr, result);
   }

@@ -13,6 +13,7 @@
 #include "drivers/velodyne/hdl64_status.h"
 #include "drivers/velodyne/packet_clock.h"
 #include "drivers/velodyne/sensor_clock.h"
+#include "tools/inspect/lidar_statistics.h"
 #include "tools/inspect/stream_stats.h"
 #include "tools/inspect/survey.h"
 
@@ -23,6 +24,7 @@ struct LidarInspectionOptions {
   int port = kDataPort;                          ///< 0: any
   std::FILE* points = nullptr;                   ///< where the decoded points go as CSV
   bool progress = false;                         ///< tell stderr how far
+  bool statistics = false;                       ///< gather LidarStatistics too
 };
 
 /// One kind of datagram in the capture: who sends what length to which port.
@@ -52,6 +54,7 @@ struct LidarInspection {
   std::uint64_t returns = 0;
   std::size_t least_returns = 0, median_returns = 0, most_returns = 0;  ///< of complete revolutions
   double median_rate_hz = 0;                                            ///< of complete revolutions
+  std::optional<LidarStatistics> statistics;                            ///< if asked for, and decoded
   std::vector<Return> picture;                                          ///< of the first complete revolution
   std::vector<std::string> warnings;
   std::string damage;  ///< why the recording could not be read to its end

@@ -27,7 +27,8 @@ constexpr int kBadInput = 1, kBadUsage = 2;
 struct Options {
   std::filesystem::path path;
   std::string calibration, model, source, points, svg, dbc, speed, imu;
-  bool json = false;
+  std::vector<std::filesystem::path> beside;
+  bool json = false, statistics = false;
   int port = kDataPort;
 };
 
@@ -183,6 +184,48 @@ std::vector<std::string> warnings_of(const Report& report) {
   return warnings;
 }
 
+/// A recording's name in a table: the drive's folder, or the capture's file.
+std::string short_name(std::filesystem::path path) {
+  path = path.lexically_normal();
+  if (!path.has_filename()) path = path.parent_path();
+  return path.stem().string();
+}
+
+/// The LiDAR figures of PATH and of what is set beside it. A drive knows its model and calibration; those of the
+/// command line are for the captures.
+Expected<std::vector<LidarStatistics>> compare(const Options& options) {
+  std::vector<LidarStatistics> recordings;
+  std::vector<std::filesystem::path> paths{options.path};
+  paths.insert(paths.end(), options.beside.begin(), options.beside.end());
+  for (const std::filesystem::path& path : paths) {
+    Options one = options;
+    one.path = path;
+    if (!options.beside.empty() && std::filesystem::is_directory(path)) one.model = one.calibration = "";
+    Expected<Recordings> found = find_recordings(one);
+    if (!found) return tl::unexpected(found.error());
+    if (found->lidar.pcap.empty()) return fail(path.string() + ": has no LiDAR to take statistics of");
+    found->lidar.statistics = true;
+    Expected<LidarInspection> lidar = inspect_lidar(found->lidar);
+    if (!lidar) return tl::unexpected(lidar.error());
+    if (!lidar->statistics) return fail(path.string() + ": " + lidar->not_decoded);
+    recordings.push_back(std::move(*lidar->statistics));
+    recordings.back().path = short_name(path);
+  }
+  return recordings;
+}
+
+int print_statistics(const Options& options) {
+  const Expected<std::vector<LidarStatistics>> recordings = compare(options);
+  if (!recordings) {
+    std::fprintf(stderr, "roadvec-inspect: %s\n", recordings.error().message.c_str());
+    return kBadInput;
+  }
+  nlohmann::ordered_json json;
+  for (const LidarStatistics& recording : *recordings) json["recordings"].push_back(json_of(recording));
+  std::printf("%s", options.json ? (json.dump(1) + "\n").c_str() : statistics_markdown(*recordings).c_str());
+  return 0;
+}
+
 void print(const Report& report, bool as_json, std::FILE* out) {
   const std::vector<std::string> warnings = warnings_of(report);
   if (as_json) {
@@ -234,6 +277,14 @@ PICTURE
   coloured by height: flat rings on the road and straight walls say that model
   and calibration are right.
 
+STATISTICS
+  --statistics tells what the LiDAR gives instead: points, firings without a
+  return and range noise of each laser, ranges, intensities, returns in mid-air
+  at edges, packet timing. As Markdown tables with a column for PATH and for
+  each --beside, so that a simulated drive can be held against a real one.
+  Beside others, --model and --calibration are for captures; drives know theirs.
+  Noise and offsets are of the road 4 to 20 m ahead, 2.5 m to either side.
+
 EXIT STATUS
   0  read to its end (a cut-off end is a warning)
   1  the input cannot be read, or not to its end    2  bad usage
@@ -244,6 +295,7 @@ EXAMPLES
   roadvec-inspect car.pcap --model "HDL-64E S2" --calibration db.xml --json
   roadvec-inspect can.log --dbc car.dbc --speed WheelSpeeds.FrontLeft
   roadvec-inspect imu.log --imu ncom
+  roadvec-inspect /tmp/street --statistics --beside drives/town
 )";
 
 }  // namespace
@@ -272,12 +324,16 @@ int main(int argc, char** argv) {
                  "\"Message.Signal\" that the other signals are compared with; default: the drive's first wheel speed");
   app.add_option("--imu", options.imu, "what the IMU speaks; default: the drive's, or what is understood best")
       ->check(CLI::IsMember({"xsens", "ncom"}));
+  app.add_flag("--statistics", options.statistics, "what the LiDAR gives, laser by laser, in place of the report");
+  app.add_option("--beside", options.beside, "another drive or capture for --statistics; may be given again")
+      ->type_name("PATH");
   app.add_flag("--json", options.json, "report as one JSON object");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kBadUsage;
   }
+  if (options.statistics) return print_statistics(options);
   const Expected<Report> report = inspect(options);
   if (!report) {
     std::fprintf(stderr, "roadvec-inspect: %s\n", report.error().message.c_str());
