@@ -13,7 +13,8 @@ namespace {
 
 constexpr std::size_t kWindow = 8;        ///< firings that a parabola is fitted to
 constexpr double kNeighbours_rad = 0.02;  ///< farther apart, something between two returns is missing
-constexpr double kJump_m = 1.5, kMidAir_m = 0.3;
+/// Jumps that are counted. At larger ones the parts of a beam are told apart, and what hangs between is a thing.
+constexpr double kJump_m = 0.5, kLargeJump_m = 2.0, kMidAir_m = 0.15;
 constexpr double kRoadNear_m = 4, kRoadFar_m = 20, kRoadHalf_m = 2.5, kRoadBand_m = 0.2;
 constexpr double kLeastOutside_m = 1.0;  ///< below the sensor: what is higher is no road
 
@@ -142,6 +143,7 @@ void StatisticsCollector::add_jumps(const std::vector<Return>& line) {
     const double turn_rad = wrap_rad(static_cast<double>(line[i + 1].azimuth_rad - line[i].azimuth_rad));
     return std::abs(turn_rad) < kNeighbours_rad ? range_of(line[i + 1]) - range_of(line[i]) : std::nan("");
   };
+  const auto is_jump = [](double m) { return std::abs(m) > kJump_m && std::abs(m) < kLargeJump_m; };
   for (std::size_t i = 0; i + 4 < line.size(); ++i) {
     const std::array<double, 4> steps_m{step_m(i), step_m(i + 1), step_m(i + 2), step_m(i + 3)};
     if (!(std::abs(steps_m[0]) < kSamePiece_m)) continue;
@@ -149,8 +151,8 @@ void StatisticsCollector::add_jumps(const std::vector<Return>& line) {
     const double both_m = steps_m[1] + steps_m[2];
     const bool between =
         steps_m[1] * steps_m[2] > 0 && std::min(std::abs(steps_m[1]), std::abs(steps_m[2])) > kMidAir_m;
-    mixed_count_ += ends_flat && between && std::abs(both_m) > kJump_m ? 1 : 0;
-    clean_jump_count_ += flat_after_one && std::abs(steps_m[1]) > kJump_m ? 1 : 0;
+    mixed_count_ += ends_flat && between && is_jump(both_m) ? 1 : 0;
+    clean_jump_count_ += flat_after_one && is_jump(steps_m[1]) ? 1 : 0;
   }
 }
 

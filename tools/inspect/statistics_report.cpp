@@ -51,7 +51,7 @@ std::string statistics_markdown(const std::vector<LidarStatistics>& recordings) 
   row("firings with a second return", [](S s) { return percent(s.second_return_share); });
   for (std::size_t i = 0; i < kRangeBins_m.size(); ++i)
     row(range_label(i), [i](S s) { return percent(s.range_share[i]); });
-  row("jumps in range with a return in mid-air", [](S s) { return percent(s.mixed_share); });
+  row("jumps of 0.5 to 2 m in range with a return in mid-air", [](S s) { return percent(s.mixed_share); });
   row("range noise on the road ahead, median laser", [](S s) { return millimetres(s.road_noise_m); });
   row("lasers' heights off the road's surface, rms", [](S s) { return millimetres(s.road_offset_m); });
   row("intensity (5 / 25 / 50 / 75 / 95 %)", [](S s) { return five(s.intensity); });

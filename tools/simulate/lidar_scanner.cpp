@@ -8,9 +8,11 @@ namespace roadvec {
 namespace {
 
 constexpr double kNearest_m = 0.9;  ///< nearer echoes are not reported [VelodyneHDL64ES3]
-/// Asphalt seen at a flat angle fades out between these ranges.
-constexpr double kGroundFades_m = 80, kGroundGone_m = 120;
-constexpr double kHalfBright_m = 70;  ///< range at which a surface looks half as bright
+// Fitted to the intensities of a real HDL-64E on a street: the head evens out most of what surfaces differ by, its
+// lasers' gains do not agree, and echoes of one surface scatter.
+constexpr double kIntensityOfWhite = 134, kIntensityPower = 0.32, kGainSpread = 0.30, kScatter = 0.25;
+/// Echoes no stronger than the weakest one heard have twice the noise of strong ones.
+constexpr double kWeakNoise = 3;
 
 Eigen::Isometry3d mounting(const LidarSpec& lidar) {
   using Axis = Eigen::AngleAxisd;
@@ -18,10 +20,6 @@ Eigen::Isometry3d mounting(const LidarSpec& lidar) {
          (Axis(rad_from_deg(lidar.yaw_deg), Eigen::Vector3d::UnitZ()) *
           Axis(rad_from_deg(lidar.pitch_deg), Eigen::Vector3d::UnitY()) *
           Axis(rad_from_deg(lidar.roll_deg), Eigen::Vector3d::UnitX()));
-}
-
-Eigen::Isometry3d on_the_ground(const Pose2& pose) {
-  return Eigen::Translation3d(pose.x_m, pose.y_m, 0) * Eigen::AngleAxisd(pose.theta_rad, Eigen::Vector3d::UnitZ());
 }
 
 void put_u16(std::uint8_t* at, unsigned value) {
@@ -34,16 +32,20 @@ void put_u16(std::uint8_t* at, unsigned value) {
 LidarScanner::LidarScanner(const Scene& scene, const LidarHead& head, const World& world, const CarMotion& motion,
                            Random random)
     : scene_(scene),
-      head_(head),
       facts_(facts_of(head.model)),
+      model_(head.model),
+      shape_(beam_shape(head.model)),
+      distance_lsb_m_(head.calibration.distance_lsb_m.value_or(facts_.distance_lsb_m)),
+      layout_(group_layout(head.model, scene.lidar.return_mode == ReturnMode::dual)),
       world_(world),
       motion_(motion),
       random_(random),
+      surfaces_(surfaces_of(scene)),
       T_vehicle_lidar_(mounting(scene.lidar)),
       faces_seen_(world.faces().size()) {
   for (const LaserCalibration& laser : head.calibration.lasers) {
-    lasers_.push_back(
-        {std::sin(laser.elevation_rad), std::cos(laser.elevation_rad), scene.errors.laser_bias_m * random_.normal()});
+    const double bias_m = scene.errors.laser_bias_m * (2 * random_.uniform() - 1);
+    lasers_.push_back({LaserOptics(laser), bias_m, std::exp(kGainSpread * random_.normal())});
   }
 }
 
@@ -54,75 +56,142 @@ std::uint16_t LidarScanner::azimuth_cdeg(std::int64_t time_ns) const {
 
 const SimulatedPacket& LidarScanner::next() {
   packet_.bytes.fill(0);
-  for (int block = 0; block < kBlocksPerPacket; ++block) {
-    const int group = block / facts_.bank_count, bank = block % facts_.bank_count;
-    std::uint8_t* at = packet_.bytes.data() + static_cast<std::size_t>(block) * kBlockBytes;
-    const std::int64_t group_time_ns = time_ns_ + group * static_cast<std::int64_t>(facts_.group_period_ns);
-    place_lanes(bank, group_time_ns);
-    put_u16(at + kBlockFlagOffset, kBankFlags[static_cast<std::size_t>(bank)]);
-    fire_block(bank, group_time_ns, at);
+  const int group_count = kBlocksPerPacket / layout_.block_count;
+  for (int block = group_count * layout_.block_count; block < kBlocksPerPacket; ++block) {
+    put_u16(packet_.bytes.data() + static_cast<std::size_t>(block) * kBlockBytes, kEmptyBlockFlags[1]);
+  }
+  for (int g = 0; g < group_count; ++g) {
+    fire_group(time_ns_ + g * static_cast<std::int64_t>(facts_.group_period_ns),
+               packet_.bytes.data() + static_cast<std::size_t>(g * layout_.block_count) * kBlockBytes);
   }
   const auto device_us = static_cast<std::uint32_t>((scene_.start_ns + time_ns_) % kHour_ns / 1000);
   put_u16(packet_.bytes.data() + kDeviceTimeOffset, device_us & 0xFFFF);
   put_u16(packet_.bytes.data() + kDeviceTimeOffset + 2, device_us >> 16);
   put_status();
-  time_ns_ += kBlocksPerPacket / facts_.bank_count * static_cast<std::int64_t>(facts_.group_period_ns);
+  time_ns_ += group_count * static_cast<std::int64_t>(facts_.group_period_ns);
   packet_.end = {scene_.start_ns + time_ns_};
   ++packet_count_;
   return packet_;
 }
 
-void LidarScanner::place_lanes(int bank, std::int64_t group_time_ns) {
-  for (int lane = 0; lane < kLanesPerBlock; ++lane) {
-    const double time_s = 1e-9 * static_cast<double>(group_time_ns + lane_time_ns(head_.model, bank, lane));
-    T_scene_lidar_[static_cast<std::size_t>(lane)] = on_the_ground(motion_.at(time_s).pose) * T_vehicle_lidar_;
-  }
-}
-
-void LidarScanner::fire_block(int bank, std::int64_t group_time_ns, std::uint8_t* block) {
+/// All lasers once (twice in those models whose blocks hold two firings), into the group's blocks.
+void LidarScanner::fire_group(std::int64_t group_time_ns, std::uint8_t* blocks) {
   const std::uint16_t reading_cdeg = azimuth_cdeg(group_time_ns);
-  put_u16(block + kBlockAzimuthOffset, reading_cdeg);
-  for (int lane = 0; lane < kLanesPerBlock; ++lane) {
-    const double after_s = 1e-9 * lane_time_ns(head_.model, bank, lane);
-    // Where the decoder takes the azimuth as read, the made-up rotation corrections hold the turn.
-    const double turn_rad = facts_.follow_turn ? kTwoPi * scene_.lidar.rotation_hz * after_s : 0.0;
-    const double head_rad = rad_from_deg(reading_cdeg / 100.0) + turn_rad;
-    const Echo echo = fire(laser_of(head_.model, bank, lane), head_rad, T_scene_lidar_[static_cast<std::size_t>(lane)]);
-    std::uint8_t* at = block + kBlockEchoesOffset + static_cast<std::size_t>(lane) * kEchoBytes;
-    put_u16(at, echo.raw);
-    at[2] = echo.intensity;
+  // Where the decoder takes the azimuth as read, the made-up rotation corrections hold the turn.
+  const double reading_rad = rad_from_deg(reading_cdeg / 100.0);
+  const double turn_rad = kTwoPi * scene_.lidar.rotation_hz * facts_.group_period_ns * 1e-9;
+  const HeadAzimuth reading(reading_rad);
+  const auto T_at = [&](double after_ns) {
+    return motion_.at(1e-9 * (static_cast<double>(group_time_ns) + after_ns)).T_scene_vehicle() * T_vehicle_lidar_;
+  };
+  const Eigen::Isometry3d T_begin = T_at(0), T_end = T_at(facts_.group_period_ns);
+  std::array<std::array<Firing, kLanesPerBlock>, kMaxBanks> firings{};
+  for (int bank = 0; bank < facts_.bank_count; ++bank) {
+    for (int lane = 0; lane < kLanesPerBlock; ++lane) {
+      const double share = static_cast<double>(lane_time_ns(model_, bank, lane)) / facts_.group_period_ns;
+      // In the 55 us at most between the two, no bend of the way is worth a nanometre.
+      Eigen::Isometry3d T_scene_lidar;
+      T_scene_lidar.affine() = T_begin.affine() + share * (T_end.affine() - T_begin.affine());
+      firings[static_cast<std::size_t>(bank)][static_cast<std::size_t>(lane)] =
+          fire(lasers_[static_cast<std::size_t>(laser_of(model_, bank, lane))],
+               facts_.follow_turn ? HeadAzimuth(reading_rad + share * turn_rad) : reading, T_scene_lidar);
+    }
+  }
+  for (int i = 0; i < layout_.block_count; ++i) {
+    const GroupLayout::Block role = layout_.blocks[static_cast<std::size_t>(i)];
+    std::uint8_t* block = blocks + static_cast<std::size_t>(i) * kBlockBytes;
+    put_u16(block + kBlockFlagOffset, kBankFlags[role.bank]);
+    put_u16(block + kBlockAzimuthOffset, reading_cdeg);
+    for (std::size_t lane = 0; lane < kLanesPerBlock; ++lane) {
+      const Slot& slot = firings[role.bank][lane][role.echo];
+      put_u16(block + kBlockEchoesOffset + lane * kEchoBytes, slot.raw);
+      block[kBlockEchoesOffset + lane * kEchoBytes + 2] = slot.intensity;
+    }
   }
 }
 
-LidarScanner::Echo LidarScanner::fire(int laser, double beam_azimuth_rad, const Eigen::Isometry3d& T_scene_lidar) {
-  const LaserCalibration& calibration = head_.calibration.lasers[static_cast<std::size_t>(laser)];
-  const Laser& constants = lasers_[static_cast<std::size_t>(laser)];
-  const double a_rad = beam_azimuth_rad - calibration.rotation_rad;
-  const double sin_a = std::sin(a_rad), cos_a = std::cos(a_rad);
-  // x ahead, y left: the decoder's formula with the distance split off (decode.h).
-  const Eigen::Vector3d origin(calibration.horizontal_offset_m * sin_a, calibration.horizontal_offset_m * cos_a,
-                               calibration.vertical_offset_m);
-  const Eigen::Vector3d direction(constants.cos_elevation * cos_a, -constants.cos_elevation * sin_a,
-                                  constants.sin_elevation);
-  const Hit hit = world_.cast(T_scene_lidar * origin, T_scene_lidar.linear() * direction, scene_.lidar.range_m);
-  return hit.face == Hit::kNothing ? Echo{} : echo_of(hit, laser);
+LidarScanner::Firing LidarScanner::fire(const Laser& laser, const HeadAzimuth& azimuth,
+                                        const Eigen::Isometry3d& T_scene_lidar) {
+  const auto cast = [&](const LaserBeam& beam, double reach_m) {
+    return world_.cast(T_scene_lidar * beam.origin_m, T_scene_lidar.linear() * beam.direction, reach_m);
+  };
+  LaserBeam beam;
+  Hit middle;
+  if (laser.optics.has_near()) {
+    beam = laser.optics.near_beam(azimuth);
+    middle = cast(beam, std::min(beam.near_end_m(), scene_.lidar.range_m));
+  }
+  if (!laser.optics.has_near() || middle.face == Hit::kNothing) {
+    beam = laser.optics.far_beam(azimuth);
+    middle = cast(beam, scene_.lidar.range_m);
+  }
+  return choose(echoes_along(beam, middle, T_scene_lidar), beam, laser);
 }
 
-LidarScanner::Echo LidarScanner::echo_of(const Hit& hit, int laser) {
-  const double noise_m = scene_.errors.range_noise_m * random_.normal();
-  const double fade_m = kGroundFades_m + (kGroundGone_m - kGroundFades_m) * random_.uniform();
-  if (hit.range_m < kNearest_m || (hit.face == Hit::kGround && hit.range_m > fade_m)) return {};
-  const double measured_m = hit.range_m + noise_m + lasers_[static_cast<std::size_t>(laser)].bias_m;
-  const double raw = (measured_m - head_.calibration.lasers[static_cast<std::size_t>(laser)].distance_m) /
-                     head_.calibration.distance_lsb_m.value_or(facts_.distance_lsb_m);
+Echoes LidarScanner::echoes_along(const LaserBeam& beam, const Hit& middle, const Eigen::Isometry3d& T_scene_lidar) {
+  double aside = 1, above = 1;  // of a place in the footprint, out of its radius
+  while (aside * aside + above * above > 1) {
+    aside = 2 * random_.uniform() - 1;
+    above = 2 * random_.uniform() - 1;
+  }
+  const auto part = [&](const Hit& hit, double weight) {
+    if (hit.face == Hit::kNothing) return SubRay{std::numeric_limits<double>::infinity(), 0, weight, hit.face};
+    return SubRay{hit.range_m, brightness(surfaces_[static_cast<std::size_t>(hit.material)], hit.cosine), weight,
+                  hit.face};
+  };
+  const auto off_middle = [&](double sign) {
+    const Eigen::Vector3d origin_m =
+        beam.origin_m + sign * shape_.exit_radius_m * (aside * beam.right + above * beam.up);
+    const Eigen::Vector3d direction =
+        beam.direction + sign * (aside * shape_.half_width_rad * beam.right + above * shape_.half_height_rad * beam.up);
+    return part(world_.cast(T_scene_lidar * origin_m, T_scene_lidar.linear() * direction, scene_.lidar.range_m), 0.25);
+  };
+  std::array<SubRay, 3> parts{part(middle, 0.5), off_middle(1), off_middle(-1)};
+  return echoes_of(parts);
+}
+
+/// The echoes that the receiver hears, and of those the one or two that the return mode sends. Where the strongest is
+/// also the last, dual mode sends the second strongest beside it. [VelodyneVLP16, p. 55]
+LidarScanner::Firing LidarScanner::choose(const Echoes& echoes, const LaserBeam& beam, const Laser& laser) {
+  std::array<Echo, 3> heard;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < echoes.count; ++i) {
+    Echo echo = echoes.list[i];
+    const double scatter = std::exp(kScatter * random_.normal());
+    echo.power *= scatter;
+    echo.brightness *= scatter;
+    if (echo.power > 1 && echo.range_m > kNearest_m) heard[count++] = echo;
+  }
+  Firing firing;
+  if (count == 0) return firing;
+  const auto weaker = [](const Echo& a, const Echo& b) { return a.power < b.power; };
+  const std::size_t last = count - 1;
+  auto strongest =
+      static_cast<std::size_t>(std::max_element(heard.begin(), heard.begin() + count, weaker) - heard.begin());
+  if (scene_.lidar.return_mode != ReturnMode::dual) {
+    firing[0] = slot_of(heard[scene_.lidar.return_mode == ReturnMode::last ? last : strongest], beam, laser);
+    return firing;
+  }
+  if (strongest == last && count > 1) {
+    strongest = static_cast<std::size_t>(std::max_element(heard.begin(), heard.begin() + last, weaker) - heard.begin());
+  }
+  const std::size_t last_slot = layout_.kinds[0] == ReturnKind::last ? 0 : 1;
+  firing[last_slot] = slot_of(heard[last], beam, laser);
+  firing[1 - last_slot] = strongest == last ? firing[last_slot] : slot_of(heard[strongest], beam, laser);
+  return firing;
+}
+
+LidarScanner::Slot LidarScanner::slot_of(const Echo& echo, const LaserBeam& beam, const Laser& laser) {
+  const double sigma_m = scene_.errors.range_noise_m * std::sqrt(1 + kWeakNoise / echo.power);
+  const double measured_m = echo.range_m + laser.bias_m + sigma_m * random_.normal();
+  const double raw = beam.raw_m(measured_m) / distance_lsb_m_;
   if (raw < 0.5 || raw > 65535) return {};
-  const double falloff = hit.range_m / kHalfBright_m;
-  const double bright =
-      scene_.reflectivity[static_cast<std::size_t>(hit.material)] * (0.3 + 0.7 * hit.cosine) / (1 + falloff * falloff);
+  const double intensity =
+      kIntensityOfWhite * laser.gain * std::pow(echo.brightness, kIntensityPower) * (1 - 1 / echo.power);
   ++return_count_;
-  if (hit.face >= 0) faces_seen_[static_cast<std::size_t>(hit.face)].add(hit.range_m);
+  if (echo.face >= 0) faces_seen_[static_cast<std::size_t>(echo.face)].add(echo.range_m);
   return {static_cast<std::uint16_t>(std::lround(raw)),
-          static_cast<std::uint8_t>(std::lround(std::clamp(255 * bright, 1.0, 255.0)))};
+          static_cast<std::uint8_t>(std::lround(std::clamp(laser.optics.raw_intensity(intensity, raw), 0.0, 255.0)))};
 }
 
 /// Bytes 1204 and 1205: the return mode and the product, or an HDL-64E's cycle of 16: nine that tell the time and how
@@ -131,7 +200,8 @@ void LidarScanner::put_status() {
   std::uint8_t& type = packet_.bytes[kReturnModeOffset];
   std::uint8_t& value = packet_.bytes[kProductIdOffset];
   if (facts_.has_return_mode) {
-    type = kStrongestReturnMode;
+    constexpr std::array<std::uint8_t, 3> kModes{kStrongestReturnMode, kLastReturnMode, kDualReturnMode};
+    type = kModes[static_cast<std::size_t>(scene_.lidar.return_mode)];
     value = facts_.product_id;
     return;
   }

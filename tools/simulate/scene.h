@@ -77,14 +77,22 @@ struct ParkedCarSpec {
 
 struct CarSpec {
   double wheelbase_m = 2.71, track_m = 1.55, steering_ratio = 15.0;
-  double lane_m = -1.75;              ///< of the rear axle beside the centre line, left positive
-  double start_m = 0;                 ///< station of the rear axle at the start
-  double distance_m = 100;            ///< driven along the centre line until the car stops again
-  double wait_s = 1.0;                ///< at standstill before and after
-  double speed_mps = 8.0;             ///< on straights
-  double acceleration_mps2 = 2.0;     ///< speeding up and braking, at most
-  double side_acceleration_mps2 = 2;  ///< in curves, at most
+  double lane_m = -1.75;                    ///< of the rear axle beside the centre line, left positive
+  double start_m = 0;                       ///< station of the rear axle at the start
+  double distance_m = 100;                  ///< driven along the centre line until the car stops again
+  double wait_s = 1.0;                      ///< at standstill before and after
+  double speed_mps = 8.0;                   ///< on straights
+  double acceleration_mps2 = 2.0;           ///< speeding up and braking, at most
+  double jerk_mps3 = 4.0;                   ///< of that, at most
+  double side_acceleration_mps2 = 2;        ///< in curves, at most
+  double understeer_rad_per_mps2 = 0.0025;  ///< steering needed beyond geometry, by side acceleration: rad per m/s^2
+  double rear_slip_rad_per_mps2 = 0.007;    ///< slip angle of the rear axle, likewise
+  double pitch_deg_per_mps2 = 0.3;          ///< of the body on its springs, by braking: degrees per m/s^2
+  double roll_deg_per_mps2 = 0.4;           ///< outwards, by side acceleration
 };
+
+/// Which echoes of a firing the head sends.
+enum class ReturnMode : std::uint8_t { strongest, last, dual };
 
 struct LidarSpec {
   std::string model = "HDL-64E S2";
@@ -92,22 +100,30 @@ struct LidarSpec {
   double roll_deg = 0, pitch_deg = 0, yaw_deg = 0;  ///< R = Rz Ry Rx
   double rotation_hz = 10;
   double range_m = 120;
+  ReturnMode return_mode = ReturnMode::strongest;
+  double wet = 0;  ///< share of the ground that is under a film of water
 };
 
 /// What the sensors get wrong. Truth files are free of all of it.
 struct ErrorSpec {
-  double steering_offset_deg = 0.6;  ///< added, at the steering wheel
-  double wheel_speed_scale = 1.005;  ///< measured over true
-  double steering_step_deg = 0.1;    ///< of the CAN signal, at the steering wheel
+  double steering_offset_deg = 0.6;    ///< added, at the steering wheel
+  double wheel_speed_scale = 1.01;     ///< measured over true
+  double wheel_radius_spread = 0.003;  ///< sigma of each wheel's own share of it
+  double steering_step_deg = 0.1;      ///< of the CAN signal, at the steering wheel
   double wheel_speed_step_kmph = 0.01;
+  double can_latency_ms = 10;       ///< from what a frame tells to its arrival
+  double can_jitter_ms = 1;         ///< sigma of it
   double gyro_bias_degps = 0.05;    ///< yaw rate
   double gyro_noise_radps = 0.002;  ///< sigma of a sample
   double acceleration_noise_mps2 = 0.03;
-  double compass_wander_deg = 1.0;  ///< sigma of the heading's slow error
-  double compass_wander_s = 60.0;   ///< its correlation time
-  double range_noise_m = 0.02;      ///< sigma of an echo
-  double laser_bias_m = 0.005;      ///< sigma of each laser's constant range error
-  double packet_loss = 0;           ///< share of LiDAR packets that never arrive
+  double compass_wander_deg = 1.5;     ///< sigma of the heading's slow error
+  double compass_wander_s = 60.0;      ///< its correlation time
+  double compass_soft_iron_deg = 1.0;  ///< amplitude of the error that comes back twice in a turn
+  double range_noise_m = 0.02;         ///< sigma of a strong echo; doubled in one that is just heard
+  double laser_bias_m = 0.015;         ///< each laser's constant range error, at most
+  double packet_loss = 0;              ///< share of LiDAR packets that never arrive
+  double packet_reordering = 0;        ///< share that arrive after the one behind them
+  double arrival_jitter_us = 20;       ///< sigma of a LiDAR packet's delay
 };
 
 struct AnchorSpec {

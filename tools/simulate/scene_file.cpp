@@ -94,6 +94,11 @@ void read_car(TomlTable& table, CarSpec& car) {
   table.number("speed_mps", car.speed_mps, 0.5, 30);
   table.number("acceleration_mps2", car.acceleration_mps2, 0.2, 5);
   table.number("side_acceleration_mps2", car.side_acceleration_mps2, 0.2, 6);
+  table.number("jerk_mps3", car.jerk_mps3, 0.5, 50);
+  table.number("understeer_rad_per_mps2", car.understeer_rad_per_mps2, -0.005, 0.02);
+  table.number("rear_slip_rad_per_mps2", car.rear_slip_rad_per_mps2, 0, 0.03);
+  table.number("pitch_deg_per_mps2", car.pitch_deg_per_mps2, 0, 1);
+  table.number("roll_deg_per_mps2", car.roll_deg_per_mps2, 0, 2);
 }
 
 void read_lidar(TomlTable& table, LidarSpec& lidar) {
@@ -106,11 +111,18 @@ void read_lidar(TomlTable& table, LidarSpec& lidar) {
   table.number("yaw_deg", lidar.yaw_deg, -180, 180);
   table.number("rotation_hz", lidar.rotation_hz, 5, 20);
   table.number("range_m", lidar.range_m, 5, 300);
+  int word = static_cast<int>(lidar.return_mode);
+  table.word("return_mode", word, {"strongest", "last", "dual"});
+  lidar.return_mode = static_cast<ReturnMode>(word);
+  table.number("wet", lidar.wet, 0, 1);
 }
 
 void read_errors(TomlTable& table, ErrorSpec& errors) {
   table.number("steering_offset_deg", errors.steering_offset_deg, -45, 45);
   table.number("wheel_speed_scale", errors.wheel_speed_scale, 0.8, 1.2);
+  table.number("wheel_radius_spread", errors.wheel_radius_spread, 0, 0.05);
+  table.number("can_latency_ms", errors.can_latency_ms, 0, 500);
+  table.number("can_jitter_ms", errors.can_jitter_ms, 0, 100);
   table.number("steering_step_deg", errors.steering_step_deg, 0.001, 10);
   table.number("wheel_speed_step_kmph", errors.wheel_speed_step_kmph, 0.001, 10);
   table.number("gyro_bias_degps", errors.gyro_bias_degps, -10, 10);
@@ -118,9 +130,12 @@ void read_errors(TomlTable& table, ErrorSpec& errors) {
   table.number("acceleration_noise_mps2", errors.acceleration_noise_mps2, 0, 10);
   table.number("compass_wander_deg", errors.compass_wander_deg, 0, 90);
   table.number("compass_wander_s", errors.compass_wander_s, 0.1, 1e5);
+  table.number("compass_soft_iron_deg", errors.compass_soft_iron_deg, 0, 45);
   table.number("range_noise_m", errors.range_noise_m, 0, 1);
   table.number("laser_bias_m", errors.laser_bias_m, 0, 1);
   table.number("packet_loss", errors.packet_loss, 0, 0.99);
+  table.number("packet_reordering", errors.packet_reordering, 0, 0.5);
+  table.number("arrival_jitter_us", errors.arrival_jitter_us, 0, 1e5);
 }
 
 void read_reflectivity(TomlTable& table, double (&reflectivity)[kMaterialCount]) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "core/base/angle.h"
 #include "tools/recording/db_xml_writer.h"
@@ -17,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Noise streams of a seed, one for each sensor.
-enum Stream : std::uint64_t { kLidarStream = 1, kLossStream = 2, kImuStream = 3 };
+enum Stream : std::uint64_t { kLidarStream = 1, kLossStream = 2, kImuStream = 3, kCanStream = 4 };
 
 /// A car on the sidewalk or in another car is a mistake in the scene, and beams would start below the ground.
 Expected<void> check_clear_way(const Scene& scene, const World& world, const CarMotion& motion) {
@@ -65,12 +66,49 @@ double distance_m(const CarMotion& motion, double duration_s) {
   return sum_m;
 }
 
+/// The network between head and recorder: loses packets, swaps neighbours, delays each a little; arrivals never go
+/// back.
+class Network {
+ public:
+  Network(const ErrorSpec& errors, Random random, PcapWriter& pcap) : errors_(errors), random_(random), pcap_(pcap) {}
+
+  /// False: the packet is lost.
+  bool carry(const SimulatedPacket& packet) {
+    if (random_.uniform() < errors_.packet_loss) return false;
+    if (!maybe_late_ && random_.uniform() < errors_.packet_reordering) {
+      maybe_late_ = packet;
+      return true;
+    }
+    deliver(packet, packet.end);
+    if (maybe_late_) deliver(*maybe_late_, packet.end);
+    maybe_late_.reset();
+    return true;
+  }
+  void finish() {
+    if (maybe_late_) deliver(*maybe_late_, maybe_late_->end);
+    maybe_late_.reset();
+  }
+
+ private:
+  void deliver(const SimulatedPacket& packet, SensorTime sent) {
+    const double delay_us = std::abs(errors_.arrival_jitter_us * random_.normal());
+    last_.ns = std::max<std::int64_t>(last_.ns + 1000, sent.ns + std::llround(1000 * delay_us));
+    pcap_.write(packet.bytes, last_);
+  }
+
+  const ErrorSpec& errors_;
+  Random random_;
+  PcapWriter& pcap_;
+  std::optional<SimulatedPacket> maybe_late_;
+  SensorTime last_;
+};
+
 Expected<void> write_lidar(const Scene& scene, const SimulateOptions& options, const fs::path& out,
                            LidarScanner& scanner, SimulateReport& report) {
   auto file = OutputFile::create(out / "lidar.pcap");
   if (!file) return tl::unexpected(file.error());
   PcapWriter pcap(std::move(*file));
-  Random loss(options.seed, kLossStream);
+  Network network(scene.errors, Random(options.seed, kLossStream), pcap);
   constexpr double kReportEvery_s = 0.5;
   double next_report_s = 0;
   while (scanner.time_s() < report.duration_s) {
@@ -78,11 +116,10 @@ Expected<void> write_lidar(const Scene& scene, const SimulateOptions& options, c
       options.progress(scanner.time_s(), report.duration_s);
       next_report_s += kReportEvery_s;
     }
-    const SimulatedPacket& packet = scanner.next();
-    const bool lost = loss.uniform() < scene.errors.packet_loss;
-    if (!lost) pcap.write(packet.bytes, packet.end);
-    ++(lost ? report.lost_packet_count : report.packet_count);
+    const bool carried = network.carry(scanner.next());
+    ++(carried ? report.packet_count : report.lost_packet_count);
   }
+  network.finish();
   options.progress(report.duration_s, report.duration_s);
   report.return_count = scanner.return_count();
   report.lidar_bytes = pcap.size_bytes();
@@ -96,11 +133,16 @@ Expected<SimulateReport> simulate(Scene scene, const std::string& scene_name, co
   if (options.maybe_model) scene.lidar.model = *options.maybe_model;
   const auto head = make_lidar_head(scene.lidar.model);
   if (!head) return tl::unexpected(head.error());
+  if (scene.lidar.return_mode == ReturnMode::dual && facts_of(head->model).dual == DualLayout::none) {
+    return fail(scene_name + ": lidar.return_mode: a " + scene.lidar.model +
+                " sends one return of a firing; use strongest or last");
+  }
   const auto path = RoadPath::create(scene.road);
   if (!path) return fail(scene_name + ": " + path.error().message);
   const auto built = build_world(scene, *path);
   if (!built) return fail(scene_name + ": " + built.error().message);
-  const auto motion = drive(scene.car, *path);
+  const auto motion =
+      drive(scene.car, *path, [&](const Eigen::Vector2d& point_m) { return built->world.height_at(point_m); });
   if (!motion) return fail(scene_name + ": " + motion.error().message);
   if (auto clear = check_clear_way(scene, built->world, *motion); !clear)
     return fail(scene_name + ": " + clear.error().message);
@@ -126,7 +168,8 @@ Expected<SimulateReport> simulate(Scene scene, const std::string& scene_name, co
           [&] { return write_file(out / "vehicle.dbc", [&](OutputFile& file) { file.write(vehicle_dbc(scene)); }); })
       .and_then([&] {
         return write_file(out / "can.log", [&](OutputFile& file) {
-          report.can_frame_count = write_can_log(scene, *motion, report.duration_s, file);
+          report.can_frame_count =
+              write_can_log(scene, *motion, report.duration_s, Random(options.seed, kCanStream), file);
         });
       })
       .and_then([&] {
@@ -138,6 +181,10 @@ Expected<SimulateReport> simulate(Scene scene, const std::string& scene_name, co
       .and_then([&] {
         return write_file(out / "truth/poses.tum",
                           [&](OutputFile& file) { write_poses_tum(scene, *motion, report.duration_s, file); });
+      })
+      .and_then([&] {
+        return write_file(out / "truth/sweeps.tum",
+                          [&](OutputFile& file) { write_sweeps_tum(scene, *motion, report.duration_s, file); });
       })
       .and_then([&] {
         return write_file(out / "truth/boundaries.geojson", [&](OutputFile& file) {

@@ -3,16 +3,31 @@
 #include <GeographicLib/LocalCartesian.hpp>
 #include <cmath>
 
-#include "tools/recording/car_messages.h"
-
 namespace roadvec {
+namespace {
+
+/// "t x y z qx qy qz qw": the rear axle in the map frame, which begins where the car does.
+void write_pose(const Scene& scene, const CarMotion& motion, std::int64_t after_start_ns, OutputFile& file) {
+  const CarState start = motion.at(0);
+  const Eigen::Isometry3d T = motion.at(static_cast<double>(after_start_ns) * 1e-9).T_scene_vehicle();
+  const Eigen::Vector3d p_m = T.translation() - Eigen::Vector3d(start.pose.x_m, start.pose.y_m, start.z_m);
+  const Eigen::Quaterniond q(T.rotation());
+  const std::int64_t ns = scene.start_ns + after_start_ns;
+  file.write(print("%lld.%09lld %.5f %.5f %.5f %.10f %.10f %.10f %.10f\n", static_cast<long long>(ns / 1'000'000'000),
+                   static_cast<long long>(ns % 1'000'000'000), p_m.x(), p_m.y(), p_m.z(), q.x(), q.y(), q.z(), q.w()));
+}
+
+}  // namespace
+
 void write_poses_tum(const Scene& scene, const CarMotion& motion, double duration_s, OutputFile& file) {
-  const Pose2 start = motion.at(0).pose;
   for (std::int64_t tick = 0; static_cast<double>(tick) * 0.01 <= duration_s; ++tick) {
-    const Pose2 pose = motion.at(static_cast<double>(tick) * 0.01).pose;
-    file.write(print("%s %.5f %.5f 0.00000 0.0000000000 0.0000000000 %.10f %.10f\n",
-                     stamp({scene.start_ns + tick * 10'000'000}).c_str(), pose.x_m - start.x_m, pose.y_m - start.y_m,
-                     std::sin(pose.theta_rad / 2), std::cos(pose.theta_rad / 2)));
+    write_pose(scene, motion, tick * 10'000'000, file);
+  }
+}
+
+void write_sweeps_tum(const Scene& scene, const CarMotion& motion, double duration_s, OutputFile& file) {
+  for (std::int64_t sweep = 1; static_cast<double>(sweep) / scene.lidar.rotation_hz <= duration_s; ++sweep) {
+    write_pose(scene, motion, std::llround(static_cast<double>(sweep) * 1e9 / scene.lidar.rotation_hz), file);
   }
 }
 

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -52,14 +54,17 @@ laser_bias_m = 0.0
 }
 
 struct TruePose {
-  double time_s, x_m, y_m, theta_rad;
+  double time_s;
+  Eigen::Isometry3d T_map_vehicle;
 };
 
 [[nodiscard]] inline std::vector<TruePose> read_tum(const std::filesystem::path& path) {
   std::ifstream file(path);
   std::vector<TruePose> poses;
   double t, x, y, z, qx, qy, qz, qw;
-  while (file >> t >> x >> y >> z >> qx >> qy >> qz >> qw) poses.push_back({t, x, y, 2 * std::atan2(qz, qw)});
+  while (file >> t >> x >> y >> z >> qx >> qy >> qz >> qw) {
+    poses.push_back({t, Eigen::Translation3d(x, y, z) * Eigen::Quaterniond(qw, qx, qy, qz)});
+  }
   return poses;
 }
 
