@@ -14,7 +14,7 @@ constexpr int kLookEvery = 10;  ///< steps: the ground under a wheel changes slo
 
 }  // namespace
 
-CarBody::CarBody(const CarSpec& car, const Ground& ground, const Pose2& pose) : car_(car), ground_(ground) {
+CarBody::CarBody(const CarSpec& car, const GroundHeight& ground, const Pose2& pose) : car_(car), ground_(ground) {
   look_at_ground(pose);
   for (Spring* spring : {&height_, &pitch_, &roll_}) {
     spring->value = spring->ground;

@@ -10,7 +10,7 @@ namespace roadvec {
 class CarBody {
  public:
   /// At rest on the ground under the car.
-  CarBody(const CarSpec& car, const Ground& ground, const Pose2& pose);
+  CarBody(const CarSpec& car, const GroundHeight& ground, const Pose2& pose);
 
   /// On by CarMotion::kStep_s, with the motion that `state` has; writes the body's part of it.
   void step(CarState& state);
@@ -28,7 +28,7 @@ class CarBody {
   void look_at_ground(const Pose2& pose);
 
   const CarSpec& car_;
-  const Ground& ground_;
+  const GroundHeight& ground_;
   Spring height_, pitch_, roll_;  ///< height: of the middle between the axles
   int steps_to_look_ = 0;
 };

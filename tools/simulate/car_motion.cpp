@@ -34,7 +34,7 @@ std::vector<double> speed_limits_mps(const CarSpec& car, const RoadPath& path) {
 
 class Driver {
  public:
-  Driver(const CarSpec& car, const RoadPath& path, const Ground& ground)
+  Driver(const CarSpec& car, const RoadPath& path, const GroundHeight& ground)
       : car_(car),
         path_(path),
         limits_mps_(speed_limits_mps(car, path)),
@@ -153,7 +153,7 @@ CarState CarMotion::at(double time_s) const {
   return state;
 }
 
-Expected<CarMotion> drive(const CarSpec& car, const RoadPath& path, const Ground& ground) {
+Expected<CarMotion> drive(const CarSpec& car, const RoadPath& path, const GroundHeight& ground) {
   const double end_m = car.start_m + car.distance_m;
   if (!path.closed() && end_m > path.length_m()) {
     return fail("car.distance_m: the car would leave the road's end at " + std::to_string(path.length_m()) +

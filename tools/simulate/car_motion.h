@@ -41,7 +41,7 @@ class CarMotion {
 };
 
 /// Height of the ground under a wheel.
-using Ground = std::function<double(const Eigen::Vector2d&)>;
+using GroundHeight = std::function<double(const Eigen::Vector2d&)>;
 
 /// Drives the car along its lane: it waits, speeds up, slows down before curves, stops, waits; speed follows profiles
 /// of limited acceleration and jerk. The steering follows the lane by pure pursuit [Coulter1992] behind a steering gear
@@ -50,6 +50,6 @@ using Ground = std::function<double(const Eigen::Vector2d&)>;
 /// The car is a single-track model with linear tyres in steady state [Rajamani2012, ch. 3]: curvature is
 /// tan(steering) / (wheelbase + understeer v^2), and the rear axle slips by an angle that grows with the side
 /// acceleration. The body stands on four springs: it follows the ground under the wheels, dives, squats and leans.
-[[nodiscard]] Expected<CarMotion> drive(const CarSpec& car, const RoadPath& path, const Ground& ground);
+[[nodiscard]] Expected<CarMotion> drive(const CarSpec& car, const RoadPath& path, const GroundHeight& ground);
 
 }  // namespace roadvec

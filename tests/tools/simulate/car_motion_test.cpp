@@ -8,7 +8,7 @@
 namespace roadvec {
 namespace {
 
-const Ground kLevel = [](const Eigen::Vector2d&) { return 0.0; };
+const GroundHeight kLevel = [](const Eigen::Vector2d&) { return 0.0; };
 
 TEST(CarMotion, in_every_shipped_scene_the_car_starts_and_stops_and_keeps_its_limits) {
   for (const ShippedScene& shipped : shipped_scenes()) {
@@ -50,7 +50,7 @@ TEST(CarMotion, poses_are_what_speeds_and_yaw_rate_add_up_to) {
 }
 
 /// A bend of 90 degrees to the left, 25 m wide, with 40 m before and behind it.
-CarMotion bend(CarSpec car, const Ground& ground = kLevel) {
+CarMotion bend(CarSpec car, const GroundHeight& ground = kLevel) {
   RoadSpec road;
   road.waypoints = {{{0, 0}, 0}, {{80, 0}, 25}, {{80, 90}, 0}};
   const RoadPath path = RoadPath::create(road).value();
