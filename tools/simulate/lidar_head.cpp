@@ -5,15 +5,16 @@
 
 #include "core/base/angle.h"
 #include "drivers/velodyne/packet.h"
+#include "tools/simulate/random.h"
 
 namespace roadvec {
 namespace {
 
 constexpr int kBankLasers = 32;
 
-/// A number in [-1, 1] that differs from laser to laser and never from run to run.
+/// A number in [-1, 1) that differs from laser to laser without a pattern, and never from run to run.
 double wiggle(int laser, int what) {
-  return std::remainder(0.618034 * laser * (2 * what + 1) + 0.37 * what, 1.0) * 2.0;
+  return 2 * Random(static_cast<std::uint64_t>(laser), static_cast<std::uint64_t>(what)).uniform() - 1;
 }
 
 double rounded(double value, double step) { return std::round(value / step) * step; }
@@ -27,7 +28,7 @@ LaserCalibration hdl64_laser(int laser, bool corrects_intensity) {
   const double top_deg = bank == 0 ? 2.0 : -8.83;
   const std::array<double, 4> column_deg =
       bank == 0 ? std::array{-4.4, 2.2, -0.9, 5.6} : std::array{-7.2, 2.6, -1.5, 8.4};
-  const double elevation_deg = top_deg - step_deg * row + (bank == 0 ? 0.06 : 0.15) * wiggle(laser, 0);
+  const double elevation_deg = top_deg - step_deg * row + (bank == 0 ? 0.06 : 0.17) * wiggle(laser, 0);
   LaserCalibration calibration;
   calibration.elevation_rad = rad_from_deg(rounded(elevation_deg, 1e-4));
   calibration.rotation_rad =

@@ -43,9 +43,11 @@ LidarScanner::LidarScanner(const Scene& scene, const LidarHead& head, const Worl
       surfaces_(surfaces_of(scene)),
       T_vehicle_lidar_(mounting(scene.lidar)),
       faces_seen_(world.faces().size()) {
-  for (const LaserCalibration& laser : head.calibration.lasers) {
+  for (LaserCalibration laser : head.calibration.lasers) {
     const double bias_m = scene.errors.laser_bias_m * (2 * random_.uniform() - 1);
-    lasers_.push_back({LaserOptics(laser), bias_m, std::exp(kGainSpread * random_.normal())});
+    const double gain = std::exp(kGainSpread * random_.normal());
+    laser.elevation_rad += rad_from_deg(scene.errors.laser_elevation_deg) * random_.normal();
+    lasers_.push_back({LaserOptics(laser), bias_m, gain});
   }
 }
 

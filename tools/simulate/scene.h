@@ -121,6 +121,7 @@ struct ErrorSpec {
   double compass_soft_iron_deg = 1.0;  ///< amplitude of the error that comes back twice in a turn
   double range_noise_m = 0.02;         ///< sigma of a strong echo; doubled in one that is just heard
   double laser_bias_m = 0.015;         ///< each laser's constant range error, at most
+  double laser_elevation_deg = 0.04;   ///< sigma of what the calibration has each laser look too high or low
   double packet_loss = 0;              ///< share of LiDAR packets that never arrive
   double packet_reordering = 0;        ///< share that arrive after the one behind them
   double arrival_jitter_us = 20;       ///< sigma of a LiDAR packet's delay

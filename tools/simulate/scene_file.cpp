@@ -133,6 +133,7 @@ void read_errors(TomlTable& table, ErrorSpec& errors) {
   table.number("compass_soft_iron_deg", errors.compass_soft_iron_deg, 0, 45);
   table.number("range_noise_m", errors.range_noise_m, 0, 1);
   table.number("laser_bias_m", errors.laser_bias_m, 0, 1);
+  table.number("laser_elevation_deg", errors.laser_elevation_deg, 0, 1);
   table.number("packet_loss", errors.packet_loss, 0, 0.99);
   table.number("packet_reordering", errors.packet_reordering, 0, 0.5);
   table.number("arrival_jitter_us", errors.arrival_jitter_us, 0, 1e5);

@@ -47,6 +47,7 @@ yaw_deg = -1.5
 roll_deg = 0.4
 [errors]
 laser_bias_m = 0.0
+laser_elevation_deg = 0.0
 )",
                            "plain.toml");
   if (!scene) throw std::runtime_error(scene.error().message);
