@@ -4,7 +4,7 @@ set -euo pipefail
 
 build=(g++ cmake ninja-build pkg-config libeigen3-dev libceres-dev libpcap-dev zlib1g-dev libzstd-dev libspdlog-dev
   libsystemd-dev libtomlplusplus-dev libcli11-dev libprotozero-dev libgeographiclib-dev libexpected-dev libpugixml-dev
-  libyaml-dev nlohmann-json3-dev
+  libyaml-dev libpolyclipping-dev nlohmann-json3-dev
   libgtest-dev libgmock-dev libbenchmark-dev)
 demo=("${build[@]}" python3)
 test=("${build[@]}" python3 python3-protobuf protobuf-compiler clang-14 libclang-rt-14-dev clang-format-14 clang-tidy-14

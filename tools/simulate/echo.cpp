@@ -38,6 +38,13 @@ constexpr std::array<Surface, kMaterialCount> kSurfaces{{
     {.roughness_rad = 0.1, .gloss = 0.3},  // pole
     {.roughness_rad = 0.35},               // tree
     {.gloss = 0.9},                        // car
+    {.roughness_rad = 0.6},                // grass
+    {.roughness_rad = 0.5},                // gravel
+    {.roughness_rad = 0.5},                // hedge
+    {.gloss = 1, .clear = 0.85},           // glass
+    {.roughness_rad = 0.1, .gloss = 0.5},  // metal
+    {.roughness_rad = 0.35},               // fence
+    {.roughness_rad = 0.35},               // person
 }};
 
 }  // namespace
@@ -45,7 +52,7 @@ constexpr std::array<Surface, kMaterialCount> kSurfaces{{
 std::array<Surface, kMaterialCount> surfaces_of(const Scene& scene) {
   std::array<Surface, kMaterialCount> surfaces = kSurfaces;
   for (std::size_t i = 0; i < surfaces.size(); ++i) surfaces[i].reflectivity = scene.reflectivity[i];
-  for (const Material ground : {Material::road, Material::sidewalk, Material::kerb}) {
+  for (const Material ground : {Material::road, Material::sidewalk, Material::kerb, Material::gravel}) {
     Surface& surface = surfaces[static_cast<std::size_t>(ground)];
     surface.reflectivity *= 1 - kWetDarkens * scene.lidar.wet;
     surface.gloss = scene.lidar.wet;

@@ -42,7 +42,7 @@ LidarScanner::LidarScanner(const Scene& scene, const LidarHead& head, const Worl
       random_(random),
       surfaces_(surfaces_of(scene)),
       T_vehicle_lidar_(mounting(scene.lidar)),
-      faces_seen_(world.faces().size()) {
+      faces_seen_(world.face_count()) {
   for (LaserCalibration laser : head.calibration.lasers) {
     const double bias_m = scene.errors.laser_bias_m * (2 * random_.uniform() - 1);
     const double gain = std::exp(kGainSpread * random_.normal());
@@ -83,6 +83,7 @@ void LidarScanner::fire_group(std::int64_t group_time_ns, std::uint8_t* blocks) 
   const double reading_rad = rad_from_deg(reading_cdeg / 100.0);
   const double turn_rad = kTwoPi * scene_.lidar.rotation_hz * facts_.group_period_ns * 1e-9;
   const HeadAzimuth reading(reading_rad);
+  group_time_s_ = 1e-9 * static_cast<double>(group_time_ns);
   const auto T_at = [&](double after_ns) {
     return motion_.at(1e-9 * (static_cast<double>(group_time_ns) + after_ns)).T_scene_vehicle() * T_vehicle_lidar_;
   };
@@ -115,7 +116,7 @@ void LidarScanner::fire_group(std::int64_t group_time_ns, std::uint8_t* blocks) 
 LidarScanner::Firing LidarScanner::fire(const Laser& laser, const HeadAzimuth& azimuth,
                                         const Eigen::Isometry3d& T_scene_lidar) {
   const auto cast = [&](const LaserBeam& beam, double reach_m) {
-    return world_.cast(T_scene_lidar * beam.origin_m, T_scene_lidar.linear() * beam.direction, reach_m);
+    return world_.cast(T_scene_lidar * beam.origin_m, T_scene_lidar.linear() * beam.direction, reach_m, group_time_s_);
   };
   LaserBeam beam;
   Hit middle;
@@ -146,7 +147,9 @@ Echoes LidarScanner::echoes_along(const LaserBeam& beam, const Hit& middle, cons
         beam.origin_m + sign * shape_.exit_radius_m * (aside * beam.right + above * beam.up);
     const Eigen::Vector3d direction =
         beam.direction + sign * (aside * shape_.half_width_rad * beam.right + above * shape_.half_height_rad * beam.up);
-    return part(world_.cast(T_scene_lidar * origin_m, T_scene_lidar.linear() * direction, scene_.lidar.range_m), 0.25);
+    return part(
+        world_.cast(T_scene_lidar * origin_m, T_scene_lidar.linear() * direction, scene_.lidar.range_m, group_time_s_),
+        0.25);
   };
   std::array<SubRay, 3> parts{part(middle, 0.5), off_middle(1), off_middle(-1)};
   return echoes_of(parts);

@@ -101,6 +101,7 @@ class LidarScanner {
   std::vector<Laser> lasers_;
   std::vector<SeenFrom> faces_seen_;
   std::uint64_t return_count_ = 0, packet_count_ = 0;
+  double group_time_s_ = 0;   ///< of the firing under way: nothing moves a millimetre within one
   std::int64_t time_ns_ = 0;  ///< of the next packet's first firing, after the drive's start
   SimulatedPacket packet_;
 };

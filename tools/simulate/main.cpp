@@ -5,6 +5,9 @@
 #include <exception>
 
 #include "drivers/velodyne/model.h"
+#include "tools/simulate/city.h"
+#include "tools/simulate/output_file.h"
+#include "tools/simulate/picture.h"
 #include "tools/simulate/scene_file.h"
 #include "tools/simulate/simulate.h"
 
@@ -34,14 +37,16 @@ constexpr const char* kFooter =
     "EXAMPLES\n"
     "  roadvec-simulate --list\n"
     "  roadvec-simulate street /tmp/street\n"
+    "  roadvec-simulate street --picture street.svg\n"
+    "  roadvec-simulate city /tmp/city --length-km 20 --seed 3\n"
     "  roadvec-simulate my_scene.toml /tmp/mine --seed 7 --lidar VLP-16 --duration 10\n\n"
     "Every key of a scene file is explained in tools/simulate/README.md and in the scenes shipped there.";
 
 struct Arguments {
-  std::string scene, out, lidar;
+  std::string scene, out, lidar, picture;
   std::uint64_t seed = 1;
-  double duration_s = 0;
-  bool list = false, json = false;
+  double duration_s = 0, length_km = 2;
+  bool list = false, json = false, print_scene = false;
 };
 
 /// As a JSON string, quotes included.
@@ -54,14 +59,16 @@ std::string quoted(const std::string& text) {
   return json + "\"";
 }
 
+int failed(const Error& error) {
+  std::fprintf(stderr, "roadvec-simulate: %s\n", error.message.c_str());
+  return kFailed;
+}
+
 int list_scenes(bool json) {
   std::string text;
   for (const ShippedScene& shipped : shipped_scenes()) {
     const auto scene = parse_scene(shipped.text, std::string(shipped.name));
-    if (!scene) {
-      std::fprintf(stderr, "roadvec-simulate: %s\n", scene.error().message.c_str());
-      return kFailed;
-    }
+    if (!scene) return failed(scene.error());
     const std::string name(shipped.name);
     if (json) {
       text +=
@@ -91,11 +98,32 @@ void print_report(const SimulateReport& report, const std::string& out, bool jso
               n(report.can_frame_count), n(report.imu_sample_count), n(report.boundary_count));
 }
 
+/// The text of a shipped scene, of a random town, or of a file.
+Expected<std::string> scene_text(const Arguments& arguments) {
+  return arguments.scene == "city" ? city_scene(arguments.seed, arguments.length_km) : load_scene_text(arguments.scene);
+}
+
+Expected<void> write_picture(const Scene& scene, const std::string& path) {
+  const auto picture = picture_of(scene);
+  if (!picture) return tl::unexpected(picture.error());
+  auto file = OutputFile::create(path);
+  if (!file) return tl::unexpected(file.error());
+  file->write(*picture);
+  return file->close();
+}
+
 int run(const Arguments& arguments, bool has_duration) {
-  const auto scene = load_scene(arguments.scene);
-  if (!scene) {
-    std::fprintf(stderr, "roadvec-simulate: %s\n", scene.error().message.c_str());
-    return kFailed;
+  const auto text = scene_text(arguments);
+  if (!text) return failed(text.error());
+  if (arguments.print_scene) {
+    std::fputs(text->c_str(), stdout);
+    return kDone;
+  }
+  const auto scene = parse_scene(*text, arguments.scene);
+  if (!scene) return failed(scene.error());
+  if (!arguments.picture.empty()) {
+    const auto written = write_picture(*scene, arguments.picture);
+    return written ? kDone : failed(written.error());
   }
   SimulateOptions options;
   options.seed = arguments.seed;
@@ -103,10 +131,7 @@ int run(const Arguments& arguments, bool has_duration) {
   if (has_duration) options.maybe_duration_s = arguments.duration_s;
   if (isatty(STDERR_FILENO) != 0) options.progress = show_progress;
   const auto report = simulate(*scene, arguments.scene, arguments.out, options);
-  if (!report) {
-    std::fprintf(stderr, "roadvec-simulate: %s\n", report.error().message.c_str());
-    return kFailed;
-  }
+  if (!report) return failed(report.error());
   print_report(*report, arguments.out, arguments.json);
   return kDone;
 }
@@ -116,13 +141,16 @@ int parse_and_run(int argc, char** argv) {
   app.footer(kFooter);
   app.set_version_flag("--version", "roadvec-simulate " ROADVEC_VERSION);
   Arguments arguments;
-  app.add_option("SCENE", arguments.scene, "a shipped scene's name, or a scene file (TOML)");
+  app.add_option("SCENE", arguments.scene, "a shipped scene's name, `city` (a random town), or a scene file (TOML)");
   app.add_option("OUT", arguments.out, "the drive folder to make; must not exist, or be empty");
-  app.add_option("--seed", arguments.seed, "of all sensor noise (default 1)");
+  app.add_option("--seed", arguments.seed, "of all sensor noise, and of the city (default 1)");
   app.add_option("--lidar", arguments.lidar, "model in place of the scene's: HDL-64E S2, HDL-32E, VLP-16");
   const CLI::Option* duration =
       app.add_option("--duration", arguments.duration_s, "seconds after which the drive ends at the latest")
           ->check(CLI::Range(0.1, 1e5));
+  app.add_option("--length-km", arguments.length_km, "driven in the city (default 2)")->check(CLI::Range(0.3, 200.0));
+  app.add_option("--picture", arguments.picture, "draw the scene from above into this SVG file, and exit");
+  app.add_flag("--print-scene", arguments.print_scene, "print the scene file, and exit");
   app.add_flag("--list", arguments.list, "name the shipped scenes, and exit");
   app.add_flag("--json", arguments.json, "report as one JSON object on standard output");
   try {
@@ -137,7 +165,8 @@ int parse_and_run(int argc, char** argv) {
       return kWrongUse;
     }
   }
-  if (arguments.scene.empty() || arguments.out.empty()) {
+  const bool drives = arguments.picture.empty() && !arguments.print_scene;
+  if (arguments.scene.empty() || (drives && arguments.out.empty())) {
     std::fprintf(stderr, "roadvec-simulate: SCENE and OUT are needed; --list names the scenes, --help explains\n");
     return kWrongUse;
   }

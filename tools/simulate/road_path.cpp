@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "core/base/angle.h"
 
@@ -42,26 +43,25 @@ void RoadPath::append(double length_m, const PathPoint& start) {
   length_m_ += length_m;
 }
 
-Expected<RoadPath> RoadPath::create(const RoadSpec& road) {
-  const auto& waypoints = road.waypoints;
+Expected<RoadPath> RoadPath::create(const std::vector<Waypoint>& waypoints, bool closed) {
   const std::size_t count = waypoints.size();
-  if (count < (road.closed ? 3U : 2U)) return fail("road.waypoints: an open road needs two, a closed one three");
+  if (count < (closed ? 3U : 2U)) return fail("waypoints: an open line needs two, a closed one three");
   RoadPath path;
-  path.closed_ = road.closed;
+  path.closed_ = closed;
   std::vector<Corner> corners(count);
   for (std::size_t i = 0; i < count; ++i) {
-    if (!road.closed && (i == 0 || i + 1 == count)) continue;
+    if (!closed && (i == 0 || i + 1 == count)) continue;
     corners[i] = corner_at(waypoints[(i + count - 1) % count], waypoints[i], waypoints[(i + 1) % count]);
     if (corners[i].radius_m > 0 || std::abs(corners[i].turn_rad) < kSharpest_rad) continue;
-    return fail("road.waypoints: the road turns at waypoint " + std::to_string(i) +
+    return fail("waypoints: the line turns at waypoint " + std::to_string(i) +
                 " (counted from 0), which needs a radius above 0 as its third number");
   }
-  for (std::size_t i = 0; i < (road.closed ? count : count - 1); ++i) {
+  for (std::size_t i = 0; i < (closed ? count : count - 1); ++i) {
     const std::size_t next = (i + 1) % count;
     const double leg_m = (waypoints[next].position_m - waypoints[i].position_m).norm();
     const double straight_m = leg_m - corners[i].reach_m - corners[next].reach_m;
     if (straight_m < 0 || leg_m < 0.1) {
-      return fail("road.waypoints: the arcs at waypoints " + std::to_string(i) + " and " + std::to_string(next) +
+      return fail("waypoints: the arcs at waypoints " + std::to_string(i) + " and " + std::to_string(next) +
                   " (counted from 0) do not fit on the leg between them; shorten a radius or move a waypoint");
     }
     const double heading_rad = heading_between(waypoints[i], waypoints[next]);
@@ -111,6 +111,40 @@ Eigen::Vector2d RoadPath::beside(double station_m, double left_m) const {
   }
   const PathPoint point = at(s);
   return point.position_m + left_m * left_of(point.heading_rad);
+}
+
+PathPlace RoadPath::nearest(const Eigen::Vector2d& point_m) const {
+  PathPlace nearest;
+  double nearest_m2 = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < pieces_.size(); ++i) {
+    const Piece& piece = pieces_[i];
+    const double low_m = !closed_ && i == 0 ? -1e9 : 0,
+                 high_m = !closed_ && i + 1 == pieces_.size() ? 1e9 : piece.length_m;
+    const Eigen::Vector2d offset = point_m - piece.start.position_m;
+    const double k = piece.start.curvature_1pm, heading_rad = piece.start.heading_rad;
+    double along_m = offset.dot(direction(heading_rad));
+    if (k != 0) {
+      const Eigen::Vector2d from_centre = offset - left_of(heading_rad) / k;
+      const double outwards_rad = heading_rad - std::copysign(kPi / 2, k);
+      along_m = wrap_rad(std::atan2(from_centre.y(), from_centre.x()) - outwards_rad - piece.turn_rad / 2) / k +
+                piece.length_m / 2;
+    }
+    const double station_m =
+        piece.station_m + (k == 0 ? std::clamp(along_m, low_m, high_m) : std::clamp(along_m, 0.0, piece.length_m));
+    const PathPoint place = at(station_m);
+    const double distance_m2 = (point_m - place.position_m).squaredNorm();
+    if (distance_m2 >= nearest_m2) continue;
+    nearest_m2 = distance_m2;
+    nearest = {station_m, (point_m - place.position_m).dot(left_of(place.heading_rad))};
+  }
+  return nearest;
+}
+
+std::vector<double> RoadPath::joints_m() const {
+  std::vector<double> joints_m;
+  for (const Piece& piece : pieces_) joints_m.push_back(piece.station_m);
+  joints_m.push_back(length_m_);
+  return joints_m;
 }
 
 }  // namespace roadvec

@@ -6,78 +6,15 @@
 #include <string>
 #include <vector>
 
+#include "tools/simulate/scene_world.h"
+
 namespace roadvec {
-
-/// Side of the road, seen in the direction of growing station.
-enum class Side : std::uint8_t { left, right };
-
-/// What a surface is made of: decides how much light comes back.
-enum class Material : std::uint8_t { road, kerb, sidewalk, wall, pole, tree, car };
-inline constexpr int kMaterialCount = 7;
-
-/// Waypoint of the centre line, rounded with an arc.
-struct Waypoint {
-  Eigen::Vector2d position_m;
-  double radius_m = 0;
-};
-
-/// Opening in a kerb: a driveway (level with the road through the sidewalk) or the mouth of a side street.
-struct KerbGap {
-  Side side = Side::right;
-  double at_m = 0;      ///< station of its middle
-  double width_m = 4;   ///< between the two kerbs
-  double radius_m = 0;  ///< rounding of the kerb's two corners
-};
-
-struct RoadSpec {
-  std::vector<Waypoint> waypoints;
-  bool closed = false;
-  double width_m = 7.0;
-  double kerb_height_m = 0.12;
-  double sidewalk_m = 20.0;  ///< how far the raised ground reaches from the kerb
-  std::vector<KerbGap> gaps;
-};
-
-/// Things along the road repeat from one station to another and stand clear of the kerb's gaps.
-struct RowSpec {
-  Side side = Side::right;
-  double from_m = 0;
-  std::optional<double> maybe_to_m;  ///< absent: the road's end
-};
-
-/// House fronts or a wall: beside the road, or an explicit polyline.
-struct WallSpec {
-  RowSpec row;
-  double setback_m = 4.0;  ///< from the kerb, outwards
-  double height_m = 3.0;
-  double length_m = 0;     ///< of one front; 0: one wall from end to end
-  double spacing_m = 3.0;  ///< between fronts
-  double depth_m = 0;      ///< of the side walls at each end
-  std::vector<Eigen::Vector2d> points_m;
-};
-
-/// Lamp posts, trunks.
-struct PoleSpec {
-  RowSpec row;
-  double setback_m = 0.6;
-  double every_m = 20.0;
-  double radius_m = 0.08;
-  double height_m = 5.0;
-  Material material = Material::pole;
-  std::vector<Eigen::Vector2d> points_m;
-};
-
-/// Parked cars: boxes on the road beside the kerb.
-struct ParkedCarSpec {
-  RowSpec row;
-  double clearance_m = 0.25;  ///< from the kerb, inwards
-  double length_m = 4.4, width_m = 1.8, height_m = 1.5;
-  double spacing_m = 1.2;  ///< from bumper to bumper
-};
 
 struct CarSpec {
   double wheelbase_m = 2.71, track_m = 1.55, steering_ratio = 15.0;
-  double lane_m = -1.75;                    ///< of the rear axle beside the centre line, left positive
+  std::vector<Waypoint> route;  ///< the line it follows; empty: the first road's centre line
+  bool route_closed = false;
+  double lane_m = -1.75;                    ///< of the rear axle beside that line, left positive
   double start_m = 0;                       ///< station of the rear axle at the start
   double distance_m = 100;                  ///< driven along the centre line until the car stops again
   double wait_s = 1.0;                      ///< at standstill before and after
@@ -135,11 +72,16 @@ struct AnchorSpec {
 struct Scene {
   std::string description;
   std::int64_t start_ns = 0;  ///< UNIX time of the drive's first instant
-  RoadSpec road;
-  std::vector<WallSpec> walls;
-  std::vector<PoleSpec> poles;
-  std::vector<ParkedCarSpec> parked_cars;
-  double reflectivity[kMaterialCount] = {0.15, 0.30, 0.25, 0.45, 0.60, 0.25, 0.50};
+  std::vector<RoadSpec> roads;
+  std::vector<IslandSpec> islands;
+  std::vector<HillSpec> hills;
+  std::vector<MoverSpec> movers;
+  double slope_percent = 0, slope_heading_deg = 0;  ///< of all the land, besides the hills
+  double corner_radius_m = 5.0;                     ///< of the kerb where roads meet
+  std::optional<double> maybe_change_s;             ///< when `before` ends and `after` begins
+  double reflectivity[kMaterialCount] = {0.15, 0.30, 0.25, 0.45, 0.60, 0.25, 0.50,
+                                         0.45, 0.25, 0.45, 0.10, 0.60, 0.40, 0.40};
+  double roughness_m[kMaterialCount] = {0.003, 0, 0.002, 0, 0, 0.01, 0, 0.03, 0.01, 0, 0, 0, 0, 0};  ///< at most
   CarSpec car;
   LidarSpec lidar;
   ErrorSpec errors;

@@ -4,89 +4,18 @@
 #include <fstream>
 #include <sstream>
 
+#include "tools/simulate/scene_world_file.h"
 #include "tools/simulate/toml_table.h"
 
 namespace roadvec {
 namespace {
 
-std::vector<Eigen::Vector2d> read_points(TomlTable& table, std::string_view key) {
-  std::vector<std::vector<double>> rows;
-  table.rows(key, rows, 2, 2);
-  std::vector<Eigen::Vector2d> points_m;
-  for (const auto& row : rows) points_m.emplace_back(row[0], row[1]);
-  return points_m;
-}
-
-void read_side(TomlTable& table, Side& side) {
-  int word = static_cast<int>(side);
-  table.word("side", word, {"left", "right"});
-  side = static_cast<Side>(word);
-}
-
-void read_row(TomlTable& table, RowSpec& row) {
-  read_side(table, row.side);
-  table.number("from_m", row.from_m, 0, 1e5);
-  if (!table.has("to_m")) return;
-  double to_m = row.from_m;
-  table.number("to_m", to_m, row.from_m, 1e5);
-  row.maybe_to_m = to_m;
-}
-
-void read_road(TomlTable& table, RoadSpec& road) {
-  std::vector<std::vector<double>> rows;
-  table.require("waypoints");
-  table.rows("waypoints", rows, 2, 3);
-  for (const auto& row : rows) road.waypoints.push_back({{row[0], row[1]}, row.size() > 2 ? row[2] : 0.0});
-  table.flag("closed", road.closed);
-  table.number("width_m", road.width_m, 3, 40);
-  table.number("kerb_height_m", road.kerb_height_m, 0.02, 0.5);
-  table.number("sidewalk_m", road.sidewalk_m, 0.5, 60);
-  table.tables("gap", [&](TomlTable& entry) {
-    KerbGap gap;
-    read_side(entry, gap.side);
-    entry.require("at_m");
-    entry.number("at_m", gap.at_m, 0, 1e5);
-    entry.number("width_m", gap.width_m, 0.5, 50);
-    entry.number("radius_m", gap.radius_m, 0, road.sidewalk_m);
-    road.gaps.push_back(gap);
-  });
-}
-
-void read_wall(TomlTable& table, WallSpec& wall) {
-  read_row(table, wall.row);
-  table.number("setback_m", wall.setback_m, 0, 60);
-  table.number("height_m", wall.height_m, 0.1, 50);
-  table.number("length_m", wall.length_m, 0, 1000);
-  table.number("spacing_m", wall.spacing_m, 0.1, 1000);
-  table.number("depth_m", wall.depth_m, 0, 60);
-  wall.points_m = read_points(table, "points_m");
-}
-
-void read_pole(TomlTable& table, PoleSpec& pole) {
-  read_row(table, pole.row);
-  table.number("setback_m", pole.setback_m, 0, 60);
-  table.number("every_m", pole.every_m, 0.5, 1000);
-  table.number("radius_m", pole.radius_m, 0.02, 2);
-  table.number("height_m", pole.height_m, 0.1, 30);
-  int word = pole.material == Material::tree ? 1 : 0;
-  table.word("material", word, {"pole", "tree"});
-  pole.material = word == 1 ? Material::tree : Material::pole;
-  pole.points_m = read_points(table, "points_m");
-}
-
-void read_parked_cars(TomlTable& table, ParkedCarSpec& cars) {
-  read_row(table, cars.row);
-  table.number("clearance_m", cars.clearance_m, 0, 10);
-  table.number("length_m", cars.length_m, 0.5, 30);
-  table.number("width_m", cars.width_m, 0.3, 5);
-  table.number("height_m", cars.height_m, 0.3, 5);
-  table.number("spacing_m", cars.spacing_m, 0.1, 1000);
-}
-
 void read_car(TomlTable& table, CarSpec& car) {
   table.number("wheelbase_m", car.wheelbase_m, 1, 8);
   table.number("track_m", car.track_m, 0.8, 3);
   table.number("steering_ratio", car.steering_ratio, 1, 40);
+  car.route = read_waypoints(table, "route");
+  table.flag("route_closed", car.route_closed);
   table.number("lane_m", car.lane_m, -20, 20);
   table.number("start_m", car.start_m, 0, 1e5);
   table.number("distance_m", car.distance_m, 0, 1e5);
@@ -139,23 +68,13 @@ void read_errors(TomlTable& table, ErrorSpec& errors) {
   table.number("arrival_jitter_us", errors.arrival_jitter_us, 0, 1e5);
 }
 
-void read_reflectivity(TomlTable& table, double (&reflectivity)[kMaterialCount]) {
-  const char* const names[kMaterialCount] = {"road", "kerb", "sidewalk", "wall", "pole", "tree", "car"};
-  for (int i = 0; i < kMaterialCount; ++i) table.number(names[i], reflectivity[i], 0.01, 1);
-}
-
 Scene read_scene(TomlTable& top) {
   Scene scene;
   double start_unix_s = 1767268800;  // 2026-01-01 12:00:00 UTC
   top.text("description", scene.description);
   top.number("start_unix_s", start_unix_s, 0, 4e9);
   scene.start_ns = std::llround(start_unix_s * 1e6) * 1000;
-  top.require("road");
-  top.table("road", [&](TomlTable& table) { read_road(table, scene.road); });
-  top.tables("wall", [&](TomlTable& table) { read_wall(table, scene.walls.emplace_back()); });
-  top.tables("pole", [&](TomlTable& table) { read_pole(table, scene.poles.emplace_back()); });
-  top.tables("parked_cars", [&](TomlTable& table) { read_parked_cars(table, scene.parked_cars.emplace_back()); });
-  top.table("reflectivity", [&](TomlTable& table) { read_reflectivity(table, scene.reflectivity); });
+  read_world(top, scene);
   top.table("car", [&](TomlTable& table) { read_car(table, scene.car); });
   top.table("lidar", [&](TomlTable& table) { read_lidar(table, scene.lidar); });
   top.table("errors", [&](TomlTable& table) { read_errors(table, scene.errors); });
@@ -183,16 +102,22 @@ Expected<Scene> parse_scene(std::string_view text, const std::string& file) {
   }
 }
 
-Expected<Scene> load_scene(const std::string& name_or_path) {
+Expected<std::string> load_scene_text(const std::string& name_or_path) {
   for (const ShippedScene& scene : shipped_scenes()) {
-    if (scene.name == name_or_path) return parse_scene(scene.text, name_or_path + ".toml");
+    if (scene.name == name_or_path) return std::string(scene.text);
   }
   std::ifstream file(name_or_path, std::ios::binary);
   std::ostringstream text;
   if (!file || !(text << file.rdbuf())) {
     return fail("no shipped scene and no readable file is called '" + name_or_path + "'; --list names the scenes");
   }
-  return parse_scene(text.str(), name_or_path);
+  return text.str();
+}
+
+Expected<Scene> load_scene(const std::string& name_or_path) {
+  return load_scene_text(name_or_path).and_then([&](const std::string& text) {
+    return parse_scene(text, name_or_path);
+  });
 }
 
 }  // namespace roadvec

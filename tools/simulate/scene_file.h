@@ -21,7 +21,10 @@ struct ShippedScene {
 /// Reads a scene. `file` names the text in messages: "file:line: key: what is wrong".
 [[nodiscard]] Expected<Scene> parse_scene(std::string_view text, const std::string& file);
 
-/// A shipped scene by its name, or a scene file by its path.
+/// The text of a shipped scene by its name, or of a scene file by its path.
+[[nodiscard]] Expected<std::string> load_scene_text(const std::string& name_or_path);
+
+/// The same, read.
 [[nodiscard]] Expected<Scene> load_scene(const std::string& name_or_path);
 
 }  // namespace roadvec

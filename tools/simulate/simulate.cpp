@@ -20,18 +20,27 @@ namespace fs = std::filesystem;
 /// Noise streams of a seed, one for each sensor.
 enum Stream : std::uint64_t { kLidarStream = 1, kLossStream = 2, kImuStream = 3, kCanStream = 4 };
 
-/// A car on the sidewalk or in another car is a mistake in the scene, and beams would start below the ground.
+/// A car off the road or in another car is a mistake in the scene.
 Expected<void> check_clear_way(const Scene& scene, const World& world, const CarMotion& motion) {
+  constexpr double kAbove_m = 1.6;
   const double side_m = scene.car.track_m / 2, front_m = scene.car.wheelbase_m;
   const std::array<Eigen::Vector2d, 5> places_m{
       {{0, side_m}, {0, -side_m}, {front_m, side_m}, {front_m, -side_m}, {scene.lidar.x_m, scene.lidar.y_m}}};
   for (double time_s = 0; time_s < motion.duration_s(); time_s += 0.1) {
     for (const Eigen::Vector2d& place_m : places_m) {
       const Eigen::Vector2d point_m = motion.at(time_s).pose * place_m;
-      if (world.height_at(point_m) < 0.01) continue;
+      if (!world.scenery(time_s).on_road(point_m)) {
+        return fail(
+            print("the car leaves the road %.1f s into the drive, at x %.1f, y %.1f; change car.lane_m or widen "
+                  "the road or its corner",
+                  time_s, point_m.x(), point_m.y()));
+      }
+      const Hit below = world.cast({point_m.x(), point_m.y(), world.height_at(point_m, time_s) + kAbove_m}, {0, 0, -1},
+                                   kAbove_m + 1, time_s);
+      if (below.face == Hit::kGround) continue;
       return fail(
-          print("the car leaves the road %.1f s into the drive, at x %.1f, y %.1f; "
-                "change car.lane_m, the parked cars, or widen the road or its corner",
+          print("the car runs into something %.1f s into the drive, at x %.1f, y %.1f; change car.lane_m, the "
+                "parked cars or the movers",
                 time_s, point_m.x(), point_m.y()));
     }
   }
@@ -137,9 +146,9 @@ Expected<SimulateReport> simulate(Scene scene, const std::string& scene_name, co
     return fail(scene_name + ": lidar.return_mode: a " + scene.lidar.model +
                 " sends one return of a firing; use strongest or last");
   }
-  const auto path = RoadPath::create(scene.road);
+  const auto path = route_of(scene);
   if (!path) return fail(scene_name + ": " + path.error().message);
-  const auto built = build_world(scene, *path);
+  const auto built = build_world(scene);
   if (!built) return fail(scene_name + ": " + built.error().message);
   const auto motion =
       drive(scene.car, *path, [&](const Eigen::Vector2d& point_m) { return built->world.height_at(point_m); });

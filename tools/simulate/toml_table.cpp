@@ -58,7 +58,7 @@ void TomlTable::text(std::string_view key, std::string& value) {
   value = node->as_string()->get();
 }
 
-void TomlTable::word(std::string_view key, int& value, std::initializer_list<std::string_view> words) {
+void TomlTable::word(std::string_view key, int& value, std::span<const std::string_view> words) {
   const toml::node* node = find(key);
   if (node == nullptr) return;
   const std::string given = node->value_or(std::string());

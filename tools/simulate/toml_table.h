@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <initializer_list>
 #include <set>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -27,7 +28,10 @@ class TomlTable {
   void flag(std::string_view key, bool& value);
   void text(std::string_view key, std::string& value);
   /// One word of a list: value becomes its position.
-  void word(std::string_view key, int& value, std::initializer_list<std::string_view> words);
+  void word(std::string_view key, int& value, std::span<const std::string_view> words);
+  void word(std::string_view key, int& value, std::initializer_list<std::string_view> words) {
+    word(key, value, std::span(words.begin(), words.size()));
+  }
   /// [[x, y, ...], ...]: rows of `least` to `most` numbers.
   void rows(std::string_view key, std::vector<std::vector<double>>& value, std::size_t least, std::size_t most);
 
@@ -36,11 +40,12 @@ class TomlTable {
   void table(std::string_view key, Read&& read) {
     if (const toml::node* node = find(key)) descend(*node, name(key), read);
   }
-  /// The same on each table of an array of tables.
+  /// The same on each table of an array of tables; a single table counts as an array of one.
   template <class Read>
   void tables(std::string_view key, Read&& read) {
     const toml::node* node = find(key);
     if (node == nullptr) return;
+    if (node->is_table()) return descend(*node, name(key), read);
     if (!node->is_array()) return complain(node, key, "must be an array of tables, [[" + name(key) + "]]");
     for (const toml::node& item : *node->as_array()) descend(item, name(key), read);
   }

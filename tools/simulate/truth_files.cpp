@@ -1,6 +1,7 @@
 #include "tools/simulate/truth_files.h"
 
 #include <GeographicLib/LocalCartesian.hpp>
+#include <algorithm>
 #include <cmath>
 
 namespace roadvec {
@@ -39,27 +40,42 @@ std::uint64_t write_boundaries_geojson(const Scene& scene, const BuiltWorld& bui
     map.Reverse(point_m.x() - start.x_m, point_m.y() - start.y_m, 0, latitude_deg, longitude_deg, height_m);
     return print("[%.9f,%.9f]", longitude_deg, latitude_deg);
   };
+  const auto seen_within_m = [&](const TruthPiece& piece) {
+    const auto of = [&](std::size_t face) { return faces_seen[face].within_m(); };
+    const double within_m = of(static_cast<std::size_t>(&piece - built.truth.data()));
+    return piece.earlier < 0 ? within_m : std::min(within_m, of(static_cast<std::size_t>(piece.earlier)));
+  };
+  const auto is_written = [&](const TruthPiece& piece) {
+    return !scene.maybe_change_s || piece.phase == 1 || piece.gone;
+  };
+  const auto properties = [&](const TruthPiece& piece) {
+    const double within_m = seen_within_m(piece);
+    std::string text = print("\"kind\":\"%s\",\"height_m\":%.2f,\"seen_within_m\":%s", std::string(piece.kind).c_str(),
+                             piece.height_m, std::isinf(within_m) ? "null" : print("%.0f", within_m).c_str());
+    if (piece.gone) text += print(",\"removed\":true,\"until_s\":%.3f", *scene.maybe_change_s);
+    if (piece.phase == 1 && piece.earlier < 0) text += print(",\"from_s\":%.3f", *scene.maybe_change_s);
+    return text;
+  };
   std::uint64_t line_count = 0;
+  std::string line_properties;
   file.write("{\"type\":\"FeatureCollection\",\"features\":[");
-  for (const TruthLine& line : built.truth) {
-    const auto seen = [&](std::int32_t face) { return faces_seen[static_cast<std::size_t>(face)].within_m(); };
-    for (std::int32_t first = line.first; first < line.last;) {
-      std::int32_t last = first + 1;
-      while (last < line.last && seen(last) == seen(first)) ++last;
-      file.write(
-          print("%s\n{\"type\":\"Feature\",\"properties\":{\"kind\":\"%s\",\"height_m\":%.3f,\"seen_within_m\":%s},"
-                "\"geometry\":{\"type\":\"LineString\",\"coordinates\":[",
-                line_count++ == 0 ? "" : ",", std::string(line.kind).c_str(), line.height_m,
-                std::isinf(seen(first)) ? "null" : print("%.0f", seen(first)).c_str()));
-      file.write(position(built.world.faces()[static_cast<std::size_t>(first)].a_m));
-      for (std::int32_t face = first; face < last; ++face) {
-        file.write("," + position(built.world.faces()[static_cast<std::size_t>(face)].b_m));
-      }
-      file.write("]}}");
-      first = last;
+  for (const TruthPiece& piece : built.truth) {
+    if (!is_written(piece)) {
+      line_properties.clear();
+      continue;
     }
+    const std::string own = properties(piece);
+    if (!piece.continues || own != line_properties) {
+      file.write(line_count == 0 ? "" : "]}}");
+      file.write(
+          print("%s\n{\"type\":\"Feature\",\"properties\":{%s},\"geometry\":{\"type\":\"LineString\",\"coordinates\":[",
+                line_count++ == 0 ? "" : ",", own.c_str()) +
+          position(piece.a_m));
+      line_properties = own;
+    }
+    file.write("," + position(piece.b_m));
   }
-  file.write("\n]}\n");
+  file.write(line_count == 0 ? "]}\n" : "]}}\n]}\n");
   return line_count;
 }
 

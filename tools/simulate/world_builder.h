@@ -10,19 +10,26 @@
 
 namespace roadvec {
 
-/// A boundary as it truly is: consecutive faces of the world, where each meets the ground.
-struct TruthLine {
-  std::string_view kind;  ///< curb, barrier, vehicle_row
+/// A short piece of boundary as it truly is, where it meets the ground. Hit::face is its place in the list.
+struct TruthPiece {
+  std::string_view kind;  ///< curb, barrier, vegetation, vehicle_row, unknown (a road's edge without a kerb)
   double height_m = 0;
-  std::int32_t first = 0, last = 0;  ///< faces [first, last)
+  Eigen::Vector2d a_m, b_m;
+  bool continues = false;     ///< begins where the piece before it ends
+  int phase = 0;              ///< of the scene: 0, or 1 after its change
+  std::int32_t earlier = -1;  ///< the piece of phase 0 at the same place
+  bool gone = false;          ///< of phase 0, without one of phase 1 at the same place
 };
 
 struct BuiltWorld {
   World world;
-  std::vector<TruthLine> truth;
+  std::vector<TruthPiece> truth;
 };
 
-/// Puts up the scene's sidewalks, walls, poles and parked cars along the road.
-[[nodiscard]] Expected<BuiltWorld> build_world(const Scene& scene, const RoadPath& path);
+/// The line that the car follows: its route, or the first road.
+[[nodiscard]] Expected<RoadPath> route_of(const Scene& scene);
+
+/// Lays the scene's roads, puts up everything along them and sets its movers going.
+[[nodiscard]] Expected<BuiltWorld> build_world(const Scene& scene);
 
 }  // namespace roadvec

@@ -4,6 +4,7 @@
 
 #include "core/base/angle.h"
 #include "tools/simulate/scene_file.h"
+#include "tools/simulate/world_builder.h"
 
 namespace roadvec {
 namespace {
@@ -13,7 +14,7 @@ const GroundHeight kLevel = [](const Eigen::Vector2d&) { return 0.0; };
 TEST(CarMotion, in_every_shipped_scene_the_car_starts_and_stops_and_keeps_its_limits) {
   for (const ShippedScene& shipped : shipped_scenes()) {
     const Scene scene = load_scene(std::string(shipped.name)).value();
-    const RoadPath path = RoadPath::create(scene.road).value();
+    const RoadPath path = route_of(scene).value();
     const CarMotion motion = drive(scene.car, path, kLevel).value();
     EXPECT_EQ(motion.at(0).speed_mps, 0);
     EXPECT_EQ(motion.at(motion.duration_s()).speed_mps, 0);
@@ -34,7 +35,7 @@ TEST(CarMotion, in_every_shipped_scene_the_car_starts_and_stops_and_keeps_its_li
 
 TEST(CarMotion, poses_are_what_speeds_and_yaw_rate_add_up_to) {
   const Scene scene = load_scene("block").value();
-  const CarMotion motion = drive(scene.car, RoadPath::create(scene.road).value(), kLevel).value();
+  const CarMotion motion = drive(scene.car, route_of(scene).value(), kLevel).value();
   Pose2 pose = motion.at(0).pose;
   constexpr double kStep_s = 0.002;
   for (double t = 0; t < motion.duration_s(); t += kStep_s) {
@@ -128,7 +129,7 @@ TEST(CarMotion, on_a_climb_the_body_lies_as_the_road_does_and_the_way_is_longer_
 
 TEST(CarMotion, the_car_stays_near_its_lane) {
   const Scene scene = load_scene("street").value();
-  const RoadPath path = RoadPath::create(scene.road).value();
+  const RoadPath path = route_of(scene).value();
   const CarMotion motion = drive(scene.car, path, kLevel).value();
   for (double t = 0; t < motion.duration_s(); t += 0.1) {
     double nearest_m = 1e9;
@@ -143,7 +144,7 @@ TEST(CarMotion, a_drive_past_the_end_of_the_road_is_refused) {
   const Scene scene = load_scene("street").value();
   CarSpec car = scene.car;
   car.distance_m = 1000;
-  EXPECT_FALSE(drive(car, RoadPath::create(scene.road).value(), kLevel));
+  EXPECT_FALSE(drive(car, route_of(scene).value(), kLevel));
 }
 
 }  // namespace

@@ -25,12 +25,16 @@ inline constexpr double kKerb_m = 4, kKerbHeight_m = 0.12, kWall_m = 9, kWallHei
 [road]
 waypoints = [[0, 0], [200, 0]]
 width_m = 8
+crown_percent = 0
 kerb_height_m = 0.12
-[[wall]]
+kerb_round_m = 0
+sidewalk_percent = 0
+sidewalk_m = 20
+[[road.wall]]
 side = "left"
 setback_m = 5
 height_m = 5
-[[wall]]
+[[road.wall]]
 side = "right"
 setback_m = 5
 height_m = 5
@@ -45,6 +49,9 @@ acceleration_mps2 = 5
 pitch_deg = 0.7
 yaw_deg = -1.5
 roll_deg = 0.4
+[roughness_m]
+road = 0
+sidewalk = 0
 [errors]
 laser_bias_m = 0.0
 laser_elevation_deg = 0.0

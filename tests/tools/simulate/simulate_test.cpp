@@ -102,6 +102,33 @@ TEST(Simulate, true_kerbs_and_walls_lie_at_their_distance_from_the_lane) {
   EXPECT_GT(barrier_count, 300);
 }
 
+TEST(Simulate, the_truth_is_the_world_at_the_drives_end_and_says_what_went_and_what_came) {
+  const TemporaryFolder folder;
+  Scene scene = plain_scene();
+  scene.maybe_change_s = 0.1;
+  scene.roads.front().walls[0].row.when = When::before;
+  scene.roads.front().walls[1].row.when = When::after;
+  make(scene, folder / "a", 1, 0.25);
+  double removed = 0, came = 0, kerb = 0;
+  const nlohmann::json boundaries = nlohmann::json::parse(bytes_of(folder / "a/truth/boundaries.geojson"));
+  for (const nlohmann::json& feature : boundaries.at("features")) {
+    const nlohmann::json& properties = feature.at("properties");
+    const auto pieces = static_cast<double>(feature.at("geometry").at("coordinates").size() - 1);
+    if (properties.at("kind") == "curb") {
+      kerb += pieces;
+      EXPECT_FALSE(properties.contains("from_s") || properties.contains("until_s"));
+    } else {
+      EXPECT_NE(properties.contains("from_s"), properties.contains("until_s"));
+      EXPECT_EQ(properties.contains("until_s"), properties.value("removed", false));
+      (properties.contains("until_s") ? removed : came) += pieces;
+    }
+  }
+  // In pieces of half a metre, and splinters at the road's ends.
+  EXPECT_EQ(removed, 400);
+  EXPECT_EQ(came, 400);
+  EXPECT_NEAR(kerb, 800, 8);
+}
+
 TEST(Simulate, every_shipped_scene_can_be_driven) {
   ASSERT_GE(shipped_scenes().size(), 2U);
   for (const ShippedScene& shipped : shipped_scenes()) {

@@ -5,6 +5,7 @@
 #include "drivers/imu/log_reader.h"
 #include "drivers/imu/xsens.h"
 #include "tests/tools/simulate/made_drive.h"
+#include "tools/simulate/world_builder.h"
 
 namespace roadvec {
 namespace {
@@ -12,8 +13,8 @@ namespace {
 /// A left-hand bend of 90 degrees, so that the steering has something to say.
 Scene bend_scene() {
   Scene scene = plain_scene();
-  scene.road.waypoints = {{{0, 0}, 0}, {{60, 0}, 20}, {{60, 90}, 0}};
-  scene.walls.clear();
+  scene.roads.front().waypoints = {{{0, 0}, 0}, {{60, 0}, 20}, {{60, 90}, 0}};
+  scene.roads.front().walls.clear();
   scene.car.start_m = 20;
   scene.car.distance_m = 70;
   scene.errors.compass_wander_deg = scene.errors.compass_soft_iron_deg = 0;
@@ -25,7 +26,7 @@ Scene bend_scene() {
 class VehicleLogs : public testing::Test {
  protected:
   VehicleLogs() : scene_(bend_scene()) {
-    const auto path = RoadPath::create(scene_.road);
+    const auto path = route_of(scene_);
     motion_.emplace(drive(scene_.car, *path, [](const Eigen::Vector2d&) { return 0.0; }).value());
   }
   template <class Write>
