@@ -1,6 +1,7 @@
 #include "core/odometry/odometry.h"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 
 namespace roadvec {
@@ -123,8 +124,7 @@ void Odometry::choose_inputs() noexcept {
     yaw_source_ = corrected_pose_ ? MotionSource::matching : MotionSource::none;
     yaw_rate_radps_ = corrected_yaw_rate_radps_;
   }
-  still_ = speed_source_ == MotionSource::wheels && std::abs(speed_mps_) <= kStandingSpeed_mps &&
-           std::abs(yaw_rate_radps_) < kStandingYawRate_radps;
+  still_ = speed_source_ == MotionSource::wheels && std::abs(speed_mps_) <= kStandingSpeed_mps && !turning();
   if (still_) yaw_rate_radps_ = 0;
 }
 
@@ -161,7 +161,7 @@ void Odometry::take(SensorTime time, const ImuSample& imu) noexcept {
   if (imu.has_rate) {
     gyro_radps_ = imu.rate_z_radps;
     gyro_seen_ = time;
-    if (standing()) {
+    if (standing() && !turning()) {
       StateVector jacobian = StateVector::Zero();
       jacobian[kBias] = 1;
       update(jacobian, gyro_radps_ - state_[kBias], kStandingGyroSigma_radps * kStandingGyroSigma_radps);
@@ -229,6 +229,11 @@ PoseCovariance Odometry::relative_covariance() const noexcept {
 
 bool Odometry::fresh(const std::optional<SensorTime>& seen) const noexcept {
   return seen && seconds_between(*seen, time_) <= config_.input_timeout_s;
+}
+
+bool Odometry::turning() const noexcept {
+  const double bias_sigma_radps = std::sqrt(covariance_(kBias, kBias));
+  return std::abs(gyro_radps_ - state_[kBias]) > std::max(kStandingYawRate_radps, 3 * bias_sigma_radps);
 }
 
 bool Odometry::standing() const noexcept {

@@ -108,6 +108,7 @@ class Odometry {
   void update(const StateVector& jacobian, double residual, double variance) noexcept;
   [[nodiscard]] bool fresh(const std::optional<SensorTime>& seen) const noexcept;
   [[nodiscard]] bool standing() const noexcept;
+  [[nodiscard]] bool turning() const noexcept;  ///< by the gyro; false without one
 
   OdometryConfig config_;
   VehicleGeometry vehicle_;
