@@ -101,7 +101,6 @@ void StatisticsCollector::add(const RawPacket& raw, const DecodedPacket& packet)
 
 /// What the head turned, leaving out the ways that lost packets hide.
 void StatisticsCollector::turn_to(std::uint16_t azimuth_cdeg) {
-  constexpr int kLargestStep_cdeg = 300;
   const int step_cdeg = last_azimuth_cdeg_ < 0 ? -1 : azimuth_step_cdeg(last_azimuth_cdeg_, azimuth_cdeg);
   if (step_cdeg >= 0 && step_cdeg < kLargestStep_cdeg) {
     turned_cdeg_ += step_cdeg;

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <map>
 
+#include "tools/recording/output_file.h"
 #include "tools/simulate/car_motion.h"
-#include "tools/simulate/output_file.h"
 #include "tools/simulate/random.h"
 
 namespace roadvec {
@@ -30,7 +30,7 @@ class City {
     car_.lane_m = kLane_m;
     car_.start_m = 20;
     car_.distance_m = length_m_;
-    const auto motion = drive(car_, *path);
+    const auto motion = drive(car_, *path, [](const Eigen::Vector2d&) { return 0.0; });
     if (!motion) return tl::unexpected(motion.error());
     text_ = print(
         "# Made by roadvec-simulate: a random town, %.1f km driven.\n"

@@ -5,8 +5,8 @@
 #include <exception>
 
 #include "drivers/velodyne/model.h"
+#include "tools/recording/output_file.h"
 #include "tools/simulate/city.h"
-#include "tools/simulate/output_file.h"
 #include "tools/simulate/picture.h"
 #include "tools/simulate/scene_file.h"
 #include "tools/simulate/simulate.h"

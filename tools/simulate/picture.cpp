@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tools/recording/output_file.h"
 #include "tools/simulate/car_motion.h"
-#include "tools/simulate/output_file.h"
 #include "tools/simulate/world_builder.h"
 
 namespace roadvec {
@@ -159,7 +159,8 @@ Expected<std::string> picture_of(const Scene& scene) {
   if (!path) return tl::unexpected(path.error());
   const auto built = build_world(scene);
   if (!built) return tl::unexpected(built.error());
-  const auto motion = drive(scene.car, *path);
+  const auto motion =
+      drive(scene.car, *path, [&](const Eigen::Vector2d& point_m) { return built->world.height_at(point_m); });
   if (!motion) return tl::unexpected(motion.error());
   Points way_m;
   for (double time_s = 0; time_s < motion->duration_s(); time_s += 0.1)

@@ -68,14 +68,14 @@ TEST(KittiFiles, a_calibration_is_found_behind_its_other_lines) {
   EXPECT_FALSE(parse_rigid("R: 1 0 0 0 1 0 0 0 -1\nT: 0 0 0\n")) << "a mirror";
 }
 
-std::vector<std::uint8_t> bytes_of(std::initializer_list<float> values) {
+std::vector<std::uint8_t> floats(std::initializer_list<float> values) {
   std::vector<std::uint8_t> bytes(4 * values.size());
   std::memcpy(bytes.data(), values.begin(), bytes.size());
   return bytes;
 }
 
 TEST(KittiFiles, a_scan_is_four_floats_a_point_and_its_end_is_no_point) {
-  const auto points = parse_scan(bytes_of({1, 2, 3, 0.5F, 4, 5, 6, 1, 0, 0, 0, 0}));
+  const auto points = parse_scan(floats({1, 2, 3, 0.5F, 4, 5, 6, 1, 0, 0, 0, 0}));
   ASSERT_TRUE(points) << points.error().message;
   ASSERT_EQ(points->size(), 2U);
   EXPECT_EQ((*points)[1].y_m, 5);
@@ -83,13 +83,13 @@ TEST(KittiFiles, a_scan_is_four_floats_a_point_and_its_end_is_no_point) {
 }
 
 TEST(KittiFiles, a_scan_cut_off_or_with_points_that_are_none_is_refused) {
-  auto bytes = bytes_of({1, 2, 3, 0.5F});
+  auto bytes = floats({1, 2, 3, 0.5F});
   bytes.pop_back();
   EXPECT_THAT(parse_scan(bytes).error().message, HasSubstr("15 bytes"));
-  EXPECT_FALSE(parse_scan(bytes_of({1, std::numeric_limits<float>::quiet_NaN(), 3, 0.5F})));
-  EXPECT_FALSE(parse_scan(bytes_of({1, 2, std::numeric_limits<float>::infinity(), 0.5F})));
-  EXPECT_FALSE(parse_scan(bytes_of({1, 2, 3, 1.5F})));
-  EXPECT_THAT(parse_scan(bytes_of({1, 2, 3, 0, 900, 0, 0, 0})).error().message, HasSubstr("point 1"));
+  EXPECT_FALSE(parse_scan(floats({1, std::numeric_limits<float>::quiet_NaN(), 3, 0.5F})));
+  EXPECT_FALSE(parse_scan(floats({1, 2, std::numeric_limits<float>::infinity(), 0.5F})));
+  EXPECT_FALSE(parse_scan(floats({1, 2, 3, 1.5F})));
+  EXPECT_THAT(parse_scan(floats({1, 2, 3, 0, 900, 0, 0, 0})).error().message, HasSubstr("point 1"));
 }
 
 }  // namespace

@@ -52,9 +52,7 @@ TEST(CarMotion, poses_are_what_speeds_and_yaw_rate_add_up_to) {
 
 /// A bend of 90 degrees to the left, 25 m wide, with 40 m before and behind it.
 CarMotion bend(CarSpec car, const GroundHeight& ground = kLevel) {
-  RoadSpec road;
-  road.waypoints = {{{0, 0}, 0}, {{80, 0}, 25}, {{80, 90}, 0}};
-  const RoadPath path = RoadPath::create(road).value();
+  const RoadPath path = RoadPath::create({{{0, 0}, 0}, {{80, 0}, 25}, {{80, 90}, 0}}, false).value();
   car.distance_m = 110;
   car.side_acceleration_mps2 = 3;
   return drive(car, path, ground).value();

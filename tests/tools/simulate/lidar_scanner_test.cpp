@@ -132,7 +132,7 @@ Scene poles_scene() {
     pole.setback_m = 2;
     pole.every_m = 2;
     pole.radius_m = 0.15;
-    scene.poles.push_back(pole);
+    scene.roads.front().poles.push_back(pole);
   }
   return scene;
 }
@@ -233,7 +233,7 @@ TEST(LidarScanner, flat_ground_fades_with_range_and_more_so_when_it_is_wet) {
   const auto shares = [](double wet) {
     const TemporaryFolder folder;
     Scene scene = plain_scene();
-    scene.walls.clear();
+    scene.roads.front().walls.clear();
     scene.lidar.wet = wet;
     SimulateOptions options;
     options.maybe_duration_s = 0.2;
