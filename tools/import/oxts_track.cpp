@@ -100,18 +100,8 @@ std::uint64_t write_imu_log(const OxtsTrack& track, SensorTime from, SensorTime 
     const Eigen::Quaterniond q = Eigen::AngleAxisd(sample.yaw_rad, Eigen::Vector3d::UnitZ()) *
                                  Eigen::AngleAxisd(sample.pitch_rad, Eigen::Vector3d::UnitY()) *
                                  Eigen::AngleAxisd(sample.roll_rad, Eigen::Vector3d::UnitX());
-    XsensMessage message;
-    message.datum(0x1020, 2);
-    message.put(static_cast<std::uint32_t>(tick & 0xFFFF), 2);
-    message.datum(0x1060, 4);
-    message.put(static_cast<std::uint32_t>(tick * 100), 4);  // SampleTimeFine counts 0.1 ms
-    message.floats(0x2010, {q.w(), q.x(), q.y(), q.z()});
-    const Eigen::Vector3d &a = sample.acceleration_mps2, &w = sample.rate_radps;
-    message.floats(0x4020, {a.x(), a.y(), a.z()});
-    message.floats(0x8020, {w.x(), w.y(), w.z()});
-    message.datum(0xE020, 4);
-    message.put(3, 4);
-    file.write(print("(%s) %s\n", stamp(time).c_str(), message.hex().c_str()));
+    const std::string message = xsens_message(tick, {q, sample.acceleration_mps2, sample.rate_radps});
+    file.write(print("(%s) %s\n", stamp(time).c_str(), message.c_str()));
   }
   return tick;
 }

@@ -115,17 +115,8 @@ std::uint64_t write_imu_log(const Scene& scene, const CarMotion& motion, double 
         tilt.inverse() * Eigen::Vector3d(0, 0, car.yaw_rate_radps) +
         Axis(-car.roll_rad, Eigen::Vector3d::UnitX()) * Eigen::Vector3d(0, car.pitch_radps, 0) +
         Eigen::Vector3d(car.roll_radps, 0, 0) + bias_radps + noise(errors.gyro_noise_radps);
-    XsensMessage message;
-    message.datum(0x1020, 2);
-    message.put(static_cast<std::uint32_t>(tick & 0xFFFF), 2);
-    message.datum(0x1060, 4);
-    message.put(static_cast<std::uint32_t>(tick * 100), 4);  // SampleTimeFine counts 0.1 ms
-    message.floats(0x2010, {q.w(), q.x(), q.y(), q.z()});
-    message.floats(0x4020, {force_mps2.x(), force_mps2.y(), force_mps2.z()});
-    message.floats(0x8020, {rate_radps.x(), rate_radps.y(), rate_radps.z()});
-    message.datum(0xE020, 4);
-    message.put(3, 4);
-    file.write(print("(%s) %s\n", stamp(instant(scene, time_s)).c_str(), message.hex().c_str()));
+    const std::string message = xsens_message(tick, {q, force_mps2, rate_radps});
+    file.write(print("(%s) %s\n", stamp(instant(scene, time_s)).c_str(), message.c_str()));
   }
   return tick;
 }
