@@ -13,7 +13,7 @@ namespace {
 using Cloud = pcl::PointCloud<pcl::PointXYZ>;
 
 // Of 0.5, 1 and 2 m the best on three of four drives (measured); PCL's own default pairs every point, however far.
-constexpr double kGate_m = 0.5;
+constexpr double kIcpGate_m = 0.5;
 constexpr int kIterations = 50;      // 200 change nothing (measured)
 constexpr double kSmallStep = 1e-8;  // squared, of translation and rotation
 
@@ -42,7 +42,7 @@ std::optional<Pose2> icp(const std::vector<Eigen::Vector2d>& reference_m, const 
   pcl::IterativeClosestPoint<pcl::PointXYZ, pcl::PointXYZ> matcher;
   matcher.setTransformationEstimation(pcl::registration::TransformationEstimation2D<pcl::PointXYZ, pcl::PointXYZ>::Ptr(
       new pcl::registration::TransformationEstimation2D<pcl::PointXYZ, pcl::PointXYZ>));
-  matcher.setMaxCorrespondenceDistance(kGate_m);
+  matcher.setMaxCorrespondenceDistance(kIcpGate_m);
   matcher.setMaximumIterations(kIterations);
   matcher.setTransformationEpsilon(kSmallStep);
   matcher.setInputTarget(cloud_of(reference_m));

@@ -13,7 +13,7 @@ namespace {
 using ClipperLib::Paths;
 using Points = std::vector<Eigen::Vector2d>;
 
-constexpr double kUnits_1pm = 1e4;  ///< polygon arithmetic is done in tenths of a millimetre
+constexpr double kClipperUnits_1pm = 1e4;  ///< polygon arithmetic is done in tenths of a millimetre
 constexpr double kArcTolerance_m = 0.002;
 constexpr double kLongestPiece_m = 0.5;  ///< so that the truth tells seen from unseen, and follows a kerb's ramps
 constexpr double kRamp_m = 1.0;          ///< from the kerb's full height down to a driveway
@@ -21,7 +21,7 @@ constexpr double kVergeSlope = -0.04;    ///< verges fall away from the road
 constexpr double kIslandRounding_m = 0.5;
 
 ClipperLib::IntPoint units(const Eigen::Vector2d& point_m) {
-  return {std::llround(point_m.x() * kUnits_1pm), std::llround(point_m.y() * kUnits_1pm)};
+  return {std::llround(point_m.x() * kClipperUnits_1pm), std::llround(point_m.y() * kClipperUnits_1pm)};
 }
 
 ClipperLib::Path units(const Points& points_m) {
@@ -32,10 +32,10 @@ ClipperLib::Path units(const Points& points_m) {
 
 /// Grown by `by_m` (shrunk below 0) with round corners.
 Paths grown(const Paths& area, double by_m, ClipperLib::EndType ends = ClipperLib::etClosedPolygon) {
-  ClipperLib::ClipperOffset offset(2.0, kArcTolerance_m * kUnits_1pm);
+  ClipperLib::ClipperOffset offset(2.0, kArcTolerance_m * kClipperUnits_1pm);
   offset.AddPaths(area, ClipperLib::jtRound, ends);
   Paths result;
-  offset.Execute(result, by_m * kUnits_1pm);
+  offset.Execute(result, by_m * kClipperUnits_1pm);
   return result;
 }
 
@@ -242,7 +242,7 @@ std::vector<RoadEdge> road_edges(const Scene& scene, const std::vector<RoadLine>
     Points points_m;
     for (const ClipperLib::IntPoint& point : outline) {
       const Eigen::Vector2d point_m =
-          Eigen::Vector2d(static_cast<double>(point.X), static_cast<double>(point.Y)) / kUnits_1pm;
+          Eigen::Vector2d(static_cast<double>(point.X), static_cast<double>(point.Y)) / kClipperUnits_1pm;
       if (points_m.empty() || (point_m - points_m.back()).norm() > 0.002) points_m.push_back(point_m);
     }
     if (points_m.size() < 3) continue;

@@ -9,8 +9,6 @@ namespace {
 
 constexpr double kFar = std::numeric_limits<double>::infinity();
 
-double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
-
 }  // namespace
 
 struct Scenery::Crossing {

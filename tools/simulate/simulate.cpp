@@ -22,7 +22,7 @@ enum Stream : std::uint64_t { kLidarStream = 1, kLossStream = 2, kImuStream = 3,
 
 /// A car off the road or in another car is a mistake in the scene.
 Expected<void> check_clear_way(const Scene& scene, const World& world, const CarMotion& motion) {
-  constexpr double kAbove_m = 1.6;
+  constexpr double kOverRoof_m = 1.6;
   const double side_m = scene.car.track_m / 2, front_m = scene.car.wheelbase_m;
   const std::array<Eigen::Vector2d, 5> places_m{
       {{0, side_m}, {0, -side_m}, {front_m, side_m}, {front_m, -side_m}, {scene.lidar.x_m, scene.lidar.y_m}}};
@@ -35,8 +35,8 @@ Expected<void> check_clear_way(const Scene& scene, const World& world, const Car
                   "the road or its corner",
                   time_s, point_m.x(), point_m.y()));
       }
-      const Hit below = world.cast({point_m.x(), point_m.y(), world.height_at(point_m, time_s) + kAbove_m}, {0, 0, -1},
-                                   kAbove_m + 1, time_s);
+      const Hit below = world.cast({point_m.x(), point_m.y(), world.height_at(point_m, time_s) + kOverRoof_m},
+                                   {0, 0, -1}, kOverRoof_m + 1, time_s);
       if (below.face == Hit::kGround) continue;
       return fail(
           print("the car runs into something %.1f s into the drive, at x %.1f, y %.1f; change car.lane_m, the "

@@ -6,8 +6,6 @@
 namespace roadvec {
 namespace {
 
-double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
-
 double fraction(double value) { return value - std::floor(value); }
 
 /// What a face is made of at a place on it, or nothing where the beam passes through.

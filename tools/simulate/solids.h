@@ -9,6 +9,11 @@
 
 namespace roadvec {
 
+/// Twice the area between the two; positive: b is on the left of a.
+[[nodiscard]] inline double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+  return a.x() * b.y() - a.y() * b.x();
+}
+
 /// Where a beam met the world.
 struct Hit {
   double range_m = 0;
