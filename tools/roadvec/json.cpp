@@ -40,7 +40,7 @@ std::string array(const Values& values, ToJson&& to_json) {
 
 std::string integer(std::uint64_t value) { return std::to_string(value); }
 
-std::string json_of(const TilePiece& piece) {
+std::string part_json(const TilePiece& piece) {
   const LineAttributes& a = piece.attributes;
   const auto vertex = [](const TileVertex& v) {
     return "[" + std::to_string(v.x_mm) + "," + std::to_string(v.y_mm) + "," + std::to_string(v.z_mm) + "]";
@@ -64,21 +64,21 @@ std::string json_of(const TilePiece& piece) {
       .done();
 }
 
-std::string json_of(const TileDelta& delta) {
+std::string part_json(const TileDelta& delta) {
   return Object()
       .count("ix", delta.key.ix)
       .count("iy", delta.key.iy)
       .count("revision", delta.revision)
-      .raw("upserted", array(delta.upserted, [](const TilePiece& piece) { return json_of(piece); }))
+      .raw("upserted", array(delta.upserted, [](const TilePiece& piece) { return part_json(piece); }))
       .raw("removed_line_ids", array(delta.removed, integer))
       .done();
 }
 
-std::string json_of(const Pose2& pose) {
+std::string part_json(const Pose2& pose) {
   return Object().number("x_m", pose.x_m, 4).number("y_m", pose.y_m, 4).number("theta_rad", pose.theta_rad, 6).done();
 }
 
-std::string json_of(const wire::Stage& stage) {
+std::string part_json(const wire::Stage& stage) {
   Object counters, gauges;
   for (const wire::Counter& counter : stage.counters) counters.count(counter.name, counter.value);
   for (const wire::Gauge& gauge : stage.gauges) gauges.number(gauge.name, gauge.value, 3);
@@ -107,7 +107,7 @@ std::string json_of(const Tile& tile) {
       .count("ix", tile.key.ix)
       .count("iy", tile.key.iy)
       .count("revision", tile.revision)
-      .raw("pieces", array(tile.pieces, [](const TilePiece& piece) { return json_of(piece); }))
+      .raw("pieces", array(tile.pieces, [](const TilePiece& piece) { return part_json(piece); }))
       .done();
 }
 
@@ -128,7 +128,7 @@ std::string json_of(const wire::Status& status) {
       .number("map_length_m", status.map_length_m, 1)
       .number("travelled_m", status.travelled_m, 1)
       .number("uptime_s", status.uptime_s, 1)
-      .raw("stages", array(status.stages, [](const wire::Stage& stage) { return json_of(stage); }))
+      .raw("stages", array(status.stages, [](const wire::Stage& stage) { return part_json(stage); }))
       .done();
 }
 
@@ -141,8 +141,8 @@ std::string json_of(const wire::Delta& delta) {
       .count("epoch", delta.epoch)
       .count("seq", delta.seq)
       .raw("time_s", seconds_text(delta.time.ns))
-      .raw("T_map_odom", json_of(delta.T_map_odom))
-      .raw("tiles", array(delta.tiles, [](const TileDelta& tile) { return json_of(tile); }))
+      .raw("T_map_odom", part_json(delta.T_map_odom))
+      .raw("tiles", array(delta.tiles, [](const TileDelta& tile) { return part_json(tile); }))
       .raw("lineage", array(delta.lineage, lineage))
       .raw("continued", delta.continued ? "true" : "false")
       .done();
@@ -156,8 +156,8 @@ std::string json_of(const wire::EpochChange& change) {
       .count("epoch", change.epoch)
       .count("seq", change.seq)
       .raw("time_s", seconds_text(change.time.ns))
-      .raw("T_map_odom_before", json_of(change.T_map_odom_before))
-      .raw("T_map_odom_after", json_of(change.T_map_odom_after))
+      .raw("T_map_odom_before", part_json(change.T_map_odom_before))
+      .raw("T_map_odom_after", part_json(change.T_map_odom_after))
       .done();
 }
 
@@ -166,8 +166,8 @@ std::string json_of(const wire::Pose& pose) {
       .text("type", "pose")
       .raw("time_s", seconds_text(pose.time.ns))
       .count("epoch", pose.epoch)
-      .raw("T_map_vehicle", json_of(pose.T_map_vehicle))
-      .raw("T_odom_vehicle", json_of(pose.T_odom_vehicle))
+      .raw("T_map_vehicle", part_json(pose.T_map_vehicle))
+      .raw("T_odom_vehicle", part_json(pose.T_odom_vehicle))
       .number("speed_mps", pose.speed_mps, 3)
       .number("yaw_rate_radps", pose.yaw_rate_radps, 5)
       .done();

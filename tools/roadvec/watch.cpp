@@ -48,8 +48,7 @@ class Watcher {
 
  private:
   template <class M>
-  requires requires(const M& m) { json_of(m), print_line(m); }
-  void show_one(const M& m) {
+  void print_message(const M& m) {
     ++shown_count_;
     if (json_) {
       std::printf("%s\n", json_of(m).c_str());
@@ -57,6 +56,10 @@ class Watcher {
       print_line(m);
     }
   }
+  void show_one(const wire::Delta& delta) { print_message(delta); }
+  void show_one(const wire::EpochChange& change) { print_message(change); }
+  void show_one(const wire::Pose& pose) { print_message(pose); }
+  void show_one(const wire::Status& status) { print_message(status); }
   void show_one(const wire::SnapshotEnd& end) {
     const VectorMap map = replica_.lines();
     const char* format = json_ ? "{\"type\":\"snapshot\",\"as_of_seq\":%" PRIu64

@@ -50,11 +50,15 @@ TEST_F(RoadvecToolTest, prints_status_tiles_and_changes) {
   EXPECT_THAT(run("status --json").output, HasSubstr(R"("state":"mapping")"));
   EXPECT_THAT(run("tiles").output, HasSubstr("vertices"));
   EXPECT_THAT(run("tiles --json --area 0,-100,60,100").output, HasSubstr(R"({"ix":0,"iy":-1,)"));
-  std::jthread later([&] {
-    std::this_thread::sleep_for(std::chrono::milliseconds(300));
-    publish(2);
+  // Until it has seen one: it may take a while to start.
+  std::jthread changes([&](std::stop_token ended) {
+    while (!ended.stop_requested()) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+      publish(2);
+    }
   });
   const Result watched = run("watch --json -n 1");
+  changes.request_stop();
   EXPECT_EQ(watched.exit_status, 0) << watched.output;
   EXPECT_THAT(watched.output, HasSubstr(R"("type":"snapshot")"));
   EXPECT_THAT(watched.output, HasSubstr(R"("type":"delta")"));
