@@ -42,34 +42,37 @@ struct Scenery::Line {
   }
 };
 
-/// A beam's way through squares in rows and columns, one at a time [AmanatidesWoo1987].
+/// A beam's way through squares in rows and columns, one at a time [AmanatidesWoo1987]. Which of the two comes next
+/// cannot be foretold, so a step chooses by values and not by branches.
 struct Scenery::Walk {
-  std::array<int, 2> cell, low, high;     ///< where it is; the first and the last column and row it may be in
-  std::array<double, 2> next_m, width_m;  ///< range at which the next column or row begins; range between two
   double from_m;
-  bool inside = true;
+  double next_x_m, next_y_m;    ///< range at which the next column and the next row begin
+  double width_x_m, width_y_m;  ///< range between two of them
+  int column, row, step_x, step_y;
 
-  Walk(const Line& line, double square_m, const std::array<int, 2>& first, const std::array<int, 2>& last,
-       double start_m)
-      : low(first), high(last), from_m(start_m) {
-    for (std::size_t i = 0; i < 2; ++i) {
-      const double at_m = line.place_m[i] + start_m * line.slope[i];
-      cell[i] = std::clamp(static_cast<int>(at_m / square_m), low[i], high[i]);
-      const bool level = line.slope[i] == 0;
-      width_m[i] = level ? kFar : square_m * std::abs(line.inverse[i]);
-      next_m[i] =
-          level ? kFar : (square_m * (cell[i] + (line.slope[i] > 0 ? 1 : 0)) - line.place_m[i]) * line.inverse[i];
-    }
+  /// From a range on, at which the beam is in columns and rows [low, high].
+  Walk(const Line& line, double square_m, const std::array<int, 2>& low, const std::array<int, 2>& high, double start_m)
+      : from_m(start_m), step_x(line.slope[0] < 0 ? -1 : 1), step_y(line.slope[1] < 0 ? -1 : 1) {
+    const double per_m = 1 / square_m;
+    const auto place = [&](std::size_t i, int& cell, double& next_m, double& width_m) {
+      cell = std::clamp(static_cast<int>((line.place_m[i] + start_m * line.slope[i]) * per_m), low[i], high[i]);
+      const bool stays = line.slope[i] == 0;
+      width_m = stays ? kFar : square_m * std::abs(line.inverse[i]);
+      next_m = stays ? kFar : (square_m * (cell + (line.slope[i] > 0 ? 1 : 0)) - line.place_m[i]) * line.inverse[i];
+    };
+    place(0, column, next_x_m, width_x_m);
+    place(1, row, next_y_m, width_y_m);
   }
 
-  [[nodiscard]] double next_range_m() const { return std::min(next_m[0], next_m[1]); }
+  [[nodiscard]] double next_m() const { return std::min(next_x_m, next_y_m); }
 
-  void advance(const Line& line) {
-    const std::size_t i = next_m[0] < next_m[1] ? 0 : 1;
-    from_m = next_m[i];
-    next_m[i] += width_m[i];
-    cell[i] += line.slope[i] < 0 ? -1 : 1;
-    inside = cell[i] >= low[i] && cell[i] <= high[i];
+  void advance() {
+    const bool along_x = next_x_m < next_y_m;
+    from_m = along_x ? next_x_m : next_y_m;
+    next_x_m += along_x ? width_x_m : 0;
+    next_y_m += along_x ? 0 : width_y_m;
+    column += along_x ? step_x : 0;
+    row += along_x ? 0 : step_y;
   }
 };
 
@@ -78,39 +81,47 @@ Hit Scenery::cast(const Beam& beam, double range_m) const {
   const Line line(beam, corner_m_);
   const double enters_m = line.enters_m({columns_ * kBlockCells * kCell_m, rows_ * kBlockCells * kCell_m});
   if (!(enters_m < range_m)) return hit;
-  for (Walk blocks(line, kBlockCells * kCell_m, {0, 0}, {columns_ - 1, rows_ - 1}, enters_m);
-       blocks.inside && blocks.from_m < range_m; blocks.advance(line)) {
-    const double top_m = block_tops_m_[static_cast<std::size_t>(blocks.cell[1] * columns_ + blocks.cell[0])];
-    const double to_m = std::min(blocks.next_range_m(), range_m);
-    if (std::min(beam.height_m(blocks.from_m), beam.height_m(to_m)) > top_m) continue;
-    // A beam on its way down is above everything in the block until here.
-    if (beam.height_m(blocks.from_m) > top_m) blocks.from_m = (top_m - beam.origin_m.z()) / beam.direction.z();
-    meet_block(line, blocks, beam, to_m, hit);
-    if (hit.face != Hit::kNothing) return hit;
+  Walk blocks(line, kBlockCells * kCell_m, {0, 0}, {columns_ - 1, rows_ - 1}, enters_m);
+  while (blocks.from_m < range_m && blocks.column >= 0 && blocks.row >= 0 && blocks.column < columns_ &&
+         blocks.row < rows_) {
+    const double top_m = block_tops_m_[static_cast<std::size_t>(blocks.row * columns_ + blocks.column)];
+    const double to_m = std::min(blocks.next_m(), range_m);
+    if (std::min(beam.height_m(blocks.from_m), beam.height_m(to_m)) <= top_m) {
+      // A beam on its way down is above everything in the block until here.
+      if (beam.height_m(blocks.from_m) > top_m) blocks.from_m = (top_m - beam.origin_m.z()) / beam.direction.z();
+      meet_block(line, blocks, beam, to_m, hit);
+      if (hit.face != Hit::kNothing) return hit;
+    }
+    blocks.advance();
   }
   hit.range_m = range_m;
   return hit;
 }
 
-void Scenery::meet_block(const Line& line, const Walk& blocks, const Beam& beam, double end_m, Hit& hit) const {
-  const std::array<int, 2> low{blocks.cell[0] * kBlockCells, blocks.cell[1] * kBlockCells};
-  const std::size_t first = cell_index(low[0], low[1]);
+void Scenery::meet_block(const Line& line, const Walk& block, const Beam& beam, double end_m, Hit& hit) const {
+  const int low_x = block.column * kBlockCells, low_y = block.row * kBlockCells;
+  const std::size_t first = cell_index(low_x, low_y);
+  const Level* const levels = levels_.data() + first;
   std::optional<bool> maybe_over_road;  // absent: not followed since the beam was high above an edge
-  for (Walk walk(line, kCell_m, low, {low[0] + kBlockCells - 1, low[1] + kBlockCells - 1}, blocks.from_m);
-       walk.inside && walk.from_m < end_m; walk.advance(line)) {
-    const std::size_t index =
-        first + static_cast<std::size_t>((walk.cell[1] - low[1]) * kBlockCells + walk.cell[0] - low[0]);
-    const Level level = levels_[index];
-    const double to_m = std::min(walk.next_range_m(), end_m);
-    const double lowest_m = std::min(beam.height_m(walk.from_m), beam.height_m(to_m));
+  Walk walk(line, kCell_m, {low_x, low_y}, {low_x + kBlockCells - 1, low_y + kBlockCells - 1}, block.from_m);
+  double height_m = beam.height_m(walk.from_m);
+  for (; walk.from_m < end_m; walk.advance()) {
+    const int column = walk.column - low_x, row = walk.row - low_y;
+    if (((column | row) & ~(kBlockCells - 1)) != 0) return;
+    const auto index = static_cast<std::size_t>(row * kBlockCells + column);
+    const double to_m = std::min(walk.next_m(), end_m), next_height_m = beam.height_m(to_m);
+    const double lowest_m = std::min(height_m, next_height_m);
+    height_m = next_height_m;
+    const Level level = levels[index];
     if (lowest_m > level.ground_m) maybe_over_road.reset();
     if (lowest_m > level.top_m) continue;
-    const Cell& here = cells_[index];
+    const Cell& here = cells_[first + index];
     hit.range_m = to_m;
     if (here.solid != here.last) meet_solids(here, beam, walk.from_m, to_m, hit);
     if (lowest_m <= level.ground_m && here.even) {
       maybe_over_road = here.on_road;
-      meet_even(index, beam, walk.from_m, hit.range_m, hit);
+      meet_even(here, corner_m_ + kCell_m * Eigen::Vector2d(walk.column, walk.row), beam, {walk.from_m, hit.range_m},
+                hit);
     } else if (lowest_m <= level.ground_m) {
       if (here.first == here.solid) maybe_over_road = here.on_road;
       if (!maybe_over_road) maybe_over_road = on_road(beam.place_m(walk.from_m));
@@ -169,31 +180,25 @@ bool Scenery::meet_low(const Cell& cell, const Beam& beam, double from_m, double
 }
 
 /// The ground of an even cell: bilinear between its corners, nearly a plane.
-bool Scenery::meet_even(std::size_t index, const Beam& beam, double from_m, double to_m, Hit& hit) const {
-  const Cell& cell = cells_[index];
-  const Eigen::Vector2d corner_m = cell_corner_m(index);
+void Scenery::meet_even(const Cell& cell, const Eigen::Vector2d& corner_m, const Beam& beam,
+                        const std::array<double, 2>& range_m, Hit& hit) const {
   const double a = cell.corners_m[0], b = cell.corners_m[1] - a, c = cell.corners_m[2] - a;
   const double d = cell.corners_m[3] - a - b - c;
-  const auto u = [&](double range_m) {
-    return (beam.origin_m.x() + range_m * beam.direction.x() - corner_m.x()) / kCell_m;
+  const auto u = [&](double t_m) { return (beam.origin_m.x() + t_m * beam.direction.x() - corner_m.x()) / kCell_m; };
+  const auto v = [&](double t_m) { return (beam.origin_m.y() + t_m * beam.direction.y() - corner_m.y()) / kCell_m; };
+  const auto clearance_m = [&](double t_m) {
+    return beam.height_m(t_m) - (a + u(t_m) * (b + v(t_m) * d) + v(t_m) * c);
   };
-  const auto v = [&](double range_m) {
-    return (beam.origin_m.y() + range_m * beam.direction.y() - corner_m.y()) / kCell_m;
-  };
-  const auto clearance_m = [&](double range_m) {
-    return beam.height_m(range_m) - (a + u(range_m) * (b + v(range_m) * d) + v(range_m) * c);
-  };
-  const double high_m = clearance_m(from_m), low_m = clearance_m(to_m);
-  if (high_m > 0 && low_m > 0) return false;
-  double range_m = from_m;
+  const double high_m = clearance_m(range_m[0]), low_m = clearance_m(range_m[1]);
+  if (high_m > 0 && low_m > 0) return;
+  double at_m = range_m[0];
   if (high_m > 0) {
-    const double sinks = (high_m - low_m) / (to_m - from_m);
-    range_m = from_m + high_m / sinks;
-    range_m = std::clamp(range_m + clearance_m(range_m) / sinks, from_m, to_m);
+    const double sinks = (high_m - low_m) / (range_m[1] - range_m[0]);
+    at_m += high_m / sinks;
+    at_m = std::clamp(at_m + clearance_m(at_m) / sinks, range_m[0], range_m[1]);
   }
-  const Eigen::Vector2d gradient = Eigen::Vector2d(b + v(range_m) * d, c + u(range_m) * d) / kCell_m;
-  settle(cell.on_road ? Sheet::road : Sheet::beside, gradient, beam, from_m, range_m, hit);
-  return true;
+  const Eigen::Vector2d gradient = Eigen::Vector2d(b + v(at_m) * d, c + u(at_m) * d) / kCell_m;
+  settle(cell.on_road ? Sheet::road : Sheet::beside, gradient, beam, range_m[0], at_m, hit);
 }
 
 bool Scenery::meet_kerb(const Crossing& crossing, const Beam& beam, bool& over_road, Hit& hit) const {
@@ -225,34 +230,32 @@ bool Scenery::meet_ground(Sheet sheet, const Beam& beam, double from_m, double t
     return beam.height_m(range_m) - ground_.height_m(sheet, beam.origin_m.x() + range_m * beam.direction.x(),
                                                      beam.origin_m.y() + range_m * beam.direction.y());
   };
-  // The sheet bends no faster than its samples lie; a step may be twice as long where the beam is well above it.
   constexpr double kStep_m = 0.7, kNear_m = 0.1;
   double low_m = from_m, low_clearance_m = clearance_m(from_m);
   double high_m = to_m, high_clearance_m = clearance_m(to_m);
-  if (low_clearance_m > 0 && (high_clearance_m > kNear_m && low_clearance_m > kNear_m)) return false;
-  if (low_clearance_m > 0) {
-    const double plan_m = beam.direction.head<2>().norm() * (to_m - from_m);
-    const int steps = std::max(1, static_cast<int>(std::ceil(plan_m / kStep_m)));
-    for (int i = 1; i <= steps; ++i) {
-      high_m = i == steps ? to_m : std::lerp(from_m, to_m, static_cast<double>(i) / steps);
+  if (low_clearance_m > 0 && high_clearance_m > 0) {
+    // Between two places above the sheet the beam may graze a crest.
+    if (high_clearance_m > kNear_m && low_clearance_m > kNear_m) return false;
+    const int steps = static_cast<int>(std::ceil(beam.direction.head<2>().norm() * (to_m - from_m) / kStep_m));
+    for (int i = 1; i < steps; ++i) {
+      high_m = std::lerp(from_m, to_m, static_cast<double>(i) / steps);
       high_clearance_m = clearance_m(high_m);
       if (high_clearance_m <= 0) break;
       low_m = high_m;
       low_clearance_m = high_clearance_m;
     }
     if (high_clearance_m > 0) return false;
-    for (int i = 0; i < 4 && low_clearance_m - high_clearance_m > 2e-5; ++i) {
-      const double middle_m = std::lerp(low_m, high_m, low_clearance_m / (low_clearance_m - high_clearance_m));
-      const double middle_clearance_m = clearance_m(middle_m);
-      (middle_clearance_m > 0 ? low_m : high_m) = middle_m;
-      (middle_clearance_m > 0 ? low_clearance_m : high_clearance_m) = middle_clearance_m;
-      if (std::abs(middle_clearance_m) < 1e-5) {
-        low_m = middle_m;
-        break;
-      }
-    }
   }
-  settle(sheet, ground_.level(sheet, beam.place_m(low_m)).gradient, beam, from_m, low_m, hit);
+  // Where the straight line through both clearances comes down, until it is close enough.
+  double at_m = low_m;
+  for (int i = 0; i < 6 && low_clearance_m > 0; ++i) {
+    at_m = std::lerp(low_m, high_m, low_clearance_m / (low_clearance_m - high_clearance_m));
+    const double here_m = clearance_m(at_m);
+    if (std::abs(here_m) < 1e-5) break;
+    (here_m > 0 ? low_m : high_m) = at_m;
+    (here_m > 0 ? low_clearance_m : high_clearance_m) = here_m;
+  }
+  settle(sheet, ground_.level(sheet, beam.place_m(at_m)).gradient, beam, from_m, at_m, hit);
   return true;
 }
 

@@ -67,13 +67,14 @@ class Scenery {
   Scenery(Ground ground, Things things) : ground_(std::move(ground)), things_(std::move(things)) {}
   struct Builder;
 
-  void meet_block(const Line& line, const Walk& blocks, const Beam& beam, double to_m, Hit& hit) const;
+  void meet_block(const Line& line, const Walk& block, const Beam& beam, double to_m, Hit& hit) const;
   void meet_solids(const Cell& cell, const Beam& beam, double from_m, double to_m, Hit& hit) const;
   [[nodiscard]] std::size_t crossings_in(const Cell& cell, const Beam& beam, double from_m, double to_m,
                                          Crossing* crossings) const;
   bool meet_kerb(const Crossing& crossing, const Beam& beam, bool& over_road, Hit& hit) const;
   bool meet_low(const Cell& cell, const Beam& beam, double from_m, double to_m, bool& over_road, Hit& hit) const;
-  bool meet_even(std::size_t index, const Beam& beam, double from_m, double to_m, Hit& hit) const;
+  void meet_even(const Cell& cell, const Eigen::Vector2d& corner_m, const Beam& beam,
+                 const std::array<double, 2>& range_m, Hit& hit) const;
   bool meet_ground(Sheet sheet, const Beam& beam, double from_m, double to_m, Hit& hit) const;
   void settle(Sheet sheet, const Eigen::Vector2d& gradient, const Beam& beam, double from_m, double range_m,
               Hit& hit) const;

@@ -117,7 +117,7 @@ struct Scenery::Builder {
   /// The highest point of a sheet in a cell; sets the cell's corners and whether they tell all of it.
   float level(Cell& cell, Sheet sheet, const Eigen::Vector2d& corner_m) const {
     constexpr int kSamples = static_cast<int>(kCell_m / Ground::kStep_m);
-    constexpr double kEven_m = 0.001;
+    constexpr double kEven_m = 0.0015;  // half of what bumps on the road add
     const auto height_m = [&](int i, int j) {
       const Eigen::Vector2d point_m = corner_m + Ground::kStep_m * Eigen::Vector2d(i, j);
       return scenery.ground_.height_m(sheet, point_m.x(), point_m.y());

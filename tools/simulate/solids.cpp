@@ -29,8 +29,9 @@ bool shows(const Face& face, double along_m, double above_m, Material& material)
 
 double noise_at(const Eigen::Vector3d& point_m, double lattice_m) {
   std::uint64_t hash = 0;
+  const double inverse = 1 / lattice_m;
   for (Eigen::Index axis = 0; axis < 3; ++axis) {
-    hash ^= static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(point_m[axis] / lattice_m)));
+    hash ^= static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(point_m[axis] * inverse)));
     hash *= 0x9E3779B97F4A7C15ULL;
     hash ^= hash >> 32;
   }
@@ -42,12 +43,10 @@ double noise_at(const Eigen::Vector3d& point_m, double lattice_m) {
 bool meet(const Face& face, const Beam& beam, double from_m, double to_m, Hit& hit) {
   const Eigen::Vector2d along = face.b_m - face.a_m, offset = face.a_m - beam.origin_m.head<2>();
   const Eigen::Vector2d step = beam.direction.head<2>();
-  const double across = cross(step, along), range_across = cross(offset, along);
-  const double range_m = range_across / across;
-  if (!(range_m >= from_m && range_m < to_m)) return false;
-  const double share = cross(offset, step) / across;
+  const double across = cross(step, along), inverse = 1 / across;
+  const double range_m = cross(offset, along) * inverse, share = cross(offset, step) * inverse;
   // Half open, so that a beam through the joint of two faces meets one of them.
-  if (!(share >= 0 && share < 1)) return false;
+  if (!(range_m >= from_m && range_m < to_m && share >= 0 && share < 1)) return false;
   const double above_m = beam.height_m(range_m) - std::lerp(face.base_a_m, face.base_b_m, share);
   if (above_m < face.bottom_m || above_m > face.top_m) return false;
   const double length_m = along.norm();
