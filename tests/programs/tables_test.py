@@ -32,7 +32,7 @@ class TablesTest(ProgramTest):
             for method in ("sweep", "raw_lvm", "lvm"):
                 for figure in FIGURES:
                     self.assertGreaterEqual(scene["methods"][method][figure], 0, (method, figure))
-            self.assertLess(scene["methods"]["lvm"]["mean_m"], 0.1)  # the starts: 0.38 m
+            self.assertLess(scene["methods"]["lvm"]["mean_m"], 0.19)  # half of the starts': eight of them, one may be lost
             self.assertLess(scene["methods"]["lvm"]["heading_mean_deg"], 0.3)  # the starts: 1.5 degrees
             self.assertLess(0, scene["left_of_hits_percent"])
             self.assertLess(scene["left_of_hits_percent"], scene["left_of_cells_percent"])
