@@ -10,7 +10,7 @@
 namespace roadvec {
 
 /// Poses of the vehicle over one sweep, in the odom frame, in order of time. push() never grows beyond the reserved
-/// capacity: when it is full the newest pose replaces the last one.
+/// capacity: when it is full the newest pose replaces the last one. A copy reserves nothing until it is pushed to.
 class Path {
  public:
   struct Stop {
@@ -18,10 +18,10 @@ class Path {
     Pose2 T_odom_vehicle;
   };
 
-  explicit Path(std::size_t capacity = 4096) { stops_.reserve(capacity); }
+  explicit Path(std::size_t capacity = 4096) : capacity_(capacity) { stops_.reserve(capacity); }
   void clear() { stops_.clear(); }
   void push(SensorTime time, const Pose2& T_odom_vehicle) {
-    if (stops_.size() == stops_.capacity()) stops_.pop_back();
+    if (stops_.size() == capacity_) stops_.pop_back();
     stops_.push_back({time, T_odom_vehicle});
   }
   [[nodiscard]] bool empty() const { return stops_.empty(); }
@@ -44,6 +44,7 @@ class Path {
   }
 
  private:
+  std::size_t capacity_;  ///< 1 or more
   std::vector<Stop> stops_;
 };
 

@@ -1,8 +1,11 @@
 #include "tools/score/paper_tables.h"
 
-#include <cstdlib>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
 
 #include "daemon/config/load.h"
+#include "tools/recording/temporary_folder.h"
 #include "tools/simulate/scene_file.h"
 #include "tools/simulate/simulate.h"
 
@@ -11,29 +14,6 @@ namespace {
 
 constexpr std::size_t kMatchings = 8;  // between nine frames [He2018, IV-C]
 constexpr const char* kLoop = "paper_loop";
-
-/// Gone with everything in it at the end.
-class TemporaryFolder {
- public:
-  TemporaryFolder() = default;
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    if (!path_.empty()) std::filesystem::remove_all(path_, ignored);
-  }
-  [[nodiscard]] Expected<std::filesystem::path> make() {
-    std::error_code error;
-    std::string name = (std::filesystem::temp_directory_path(error) / "roadvec-tables-XXXXXX").string();
-    if (error || ::mkdtemp(name.data()) == nullptr) {
-      return fail("no temporary folder can be made; set TMPDIR, or say by --drives where the drives go");
-    }
-    return path_ = name;
-  }
-
- private:
-  std::filesystem::path path_;
-};
 
 struct Drive {
   Settings settings;
@@ -101,18 +81,21 @@ Expected<void> fill(SceneTable& scene, const Drive& drive, int seed_count) {
 }  // namespace
 
 Expected<PaperTables> paper_tables(const PaperTablesOptions& options) {
-  TemporaryFolder temporary;
-  const Expected<std::filesystem::path> folder =
-      options.drives.empty() ? temporary.make() : Expected<std::filesystem::path>(options.drives);
-  if (!folder) return tl::unexpected(folder.error());
+  std::optional<TemporaryFolder> temporary;
+  try {
+    if (options.drives.empty()) temporary.emplace();
+  } catch (const std::runtime_error& error) {
+    return fail(std::string(error.what()) + "; set TMPDIR, or say by --drives where the drives go");
+  }
+  const std::filesystem::path folder = temporary ? temporary->path() : options.drives;
   PaperTables tables{.scenes = scenes_of_paper(), .loop = {}};
   for (SceneTable& scene : tables.scenes) {
-    const auto drive = drive_of(scene.drive, *folder, options);
+    const auto drive = drive_of(scene.drive, folder, options);
     if (!drive) return tl::unexpected(drive.error());
     options.progress("matching " + scene.drive);
     if (const auto filled = fill(scene, *drive, options.seed_count); !filled) return tl::unexpected(filled.error());
   }
-  const auto loop = drive_of(kLoop, *folder, options);
+  const auto loop = drive_of(kLoop, folder, options);
   if (!loop) return tl::unexpected(loop.error());
   options.progress(std::string("mapping ") + kLoop);
   const auto score = score_whole_drive(loop->settings, loop->truth);

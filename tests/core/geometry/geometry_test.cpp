@@ -48,6 +48,14 @@ TEST(Path, is_linear_between_stops_and_turns_the_short_way) {
   EXPECT_NEAR(path.at({1'500'000'000}).x_m, 15, 1e-12);
 }
 
+TEST(Path, a_copy_takes_as_many_stops_as_the_original) {
+  const Path original(3);
+  Path copy(original);
+  for (const int x : {0, 1, 2}) copy.push({x}, {static_cast<double>(x), 0, 0});
+  EXPECT_EQ(copy.start().T_odom_vehicle.x_m, 0);
+  EXPECT_EQ(copy.end().T_odom_vehicle.x_m, 2);
+}
+
 TEST(Path, keeps_its_newest_stop_when_full) {
   Path path(3);
   for (int i = 0; i < 10; ++i) path.push({i}, {static_cast<double>(i), 0, 0});
