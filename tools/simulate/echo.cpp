@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "tools/simulate/world.h"
 
@@ -67,14 +68,18 @@ double brightness(const Surface& surface, double cosine) {
       surface.reflectivity * ((1 - 0.5 * slope2 / (slope2 + 0.33)) * cosine + 0.45 * slope2 / (slope2 + 0.09) * sine2);
   if (surface.gloss == 0) return (1 - surface.clear) * scattered;
   const double through = 1 - mirrored(cosine);  // once on the way in, once on the way out
-  const double glint = kFilmGlint * kFilmMirrors * std::exp(-(1 - cosine) / 0.005);
+  constexpr double kGlintDies = 0.005;
+  const double off = (1 - cosine) / kGlintDies;
+  const double glint = off < 40 ? kFilmGlint * kFilmMirrors * std::exp(-off) : 0;
   return (1 - surface.clear) * (1 - surface.gloss + surface.gloss * through * through) * scattered +
          surface.gloss * glint;
 }
 
 Echoes echoes_of(std::span<SubRay> parts) {
   Echoes echoes;
-  std::sort(parts.begin(), parts.end(), [](const SubRay& a, const SubRay& b) { return a.range_m < b.range_m; });
+  for (std::size_t i = 1; i < parts.size(); ++i) {
+    for (std::size_t k = i; k > 0 && parts[k].range_m < parts[k - 1].range_m; --k) std::swap(parts[k], parts[k - 1]);
+  }
   for (std::size_t first = 0; first < parts.size() && std::isfinite(parts[first].range_m);) {
     Echo& echo = echoes.list[echoes.count];
     double most = 0, range_sum_m = 0, power_sum = 0;

@@ -159,7 +159,8 @@ Ground::Level Ground::level(Sheet sheet, const Eigen::Vector2d& point_m) const {
   const auto k = static_cast<std::size_t>(sheet);
   const double a = node[0].height_m[k], b = node[1].height_m[k];
   const double c = node[kTileNodes].height_m[k], d = node[kTileNodes + 1].height_m[k];
-  return {height_m(sheet, point_m.x(), point_m.y()),
+  const double low = a + at.u * (b - a);
+  return {low + at.v * (c + at.u * (d - c) - low),
           Eigen::Vector2d(std::lerp(b - a, d - c, at.v), std::lerp(c - a, d - b, at.u)) / kStep_m};
 }
 

@@ -14,7 +14,12 @@ LaserOptics::LaserOptics(const LaserCalibration& laser)
       cos_rotation_(std::cos(laser.rotation_rad)),
       sin_elevation_(std::sin(laser.elevation_rad)),
       cos_elevation_(std::cos(laser.elevation_rad)),
-      has_near_(laser.distance_x_m != 0 && laser.distance_y_m != 0) {}
+      has_near_(laser.distance_x_m != 0 && laser.distance_y_m != 0),
+      x_slope_((laser.distance_m - laser.distance_x_m) / (LaserBeam::kFar_m - kNearX_m)),
+      y_slope_((laser.distance_m - laser.distance_y_m) / (LaserBeam::kFar_m - kNearY_m)) {
+  near_x_m_ = laser.distance_x_m - x_slope_ * kNearX_m - laser.distance_m;
+  near_y_m_ = laser.distance_y_m - y_slope_ * kNearY_m - laser.distance_m;
+}
 
 LaserBeam LaserOptics::far_beam(const HeadAzimuth& head) const {
   const double sin_a = head.sin * cos_rotation_ - head.cos * sin_rotation_;
@@ -32,19 +37,13 @@ LaserBeam LaserOptics::far_beam(const HeadAzimuth& head) const {
 /// points lie on a line again.
 LaserBeam LaserOptics::near_beam(const HeadAzimuth& head) const {
   LaserBeam beam = far_beam(head);
-  const double D_m = laser_.distance_m;
   const double ahead = beam.direction.x(), right = -beam.direction.y();
-  const double x_slope = (D_m - laser_.distance_x_m) / (LaserBeam::kFar_m - kNearX_m);
-  const double y_slope = (D_m - laser_.distance_y_m) / (LaserBeam::kFar_m - kNearY_m);
-  // Dx and Dy where R = -D, and by how much they grow with R.
-  const double Dx_m = laser_.distance_x_m - x_slope * kNearX_m, Dy_m = laser_.distance_y_m - y_slope * kNearY_m;
-  const double Dx_growth = x_slope * std::abs(right), Dy_growth = y_slope * std::abs(ahead);
+  const double Dx_growth = x_slope_ * std::abs(right), Dy_growth = y_slope_ * std::abs(ahead);
   const Eigen::Vector3d along(ahead * (1 + Dy_growth), -right * (1 + Dx_growth),
                               sin_elevation_ * (1 + (Dx_growth + Dy_growth) / 2));
-  beam.origin_m +=
-      Eigen::Vector3d(ahead * (Dy_m - D_m), -right * (Dx_m - D_m), sin_elevation_ * ((Dx_m + Dy_m) / 2 - D_m));
+  beam.origin_m += Eigen::Vector3d(ahead * near_y_m_, -right * near_x_m_, sin_elevation_ * (near_x_m_ + near_y_m_) / 2);
   beam.stretch = along.norm();
-  beam.direction = along / beam.stretch;
+  beam.direction = along * (1 / beam.stretch);
   return beam;
 }
 

@@ -46,6 +46,8 @@ class LaserOptics {
   LaserCalibration laser_;
   double sin_rotation_, cos_rotation_, sin_elevation_, cos_elevation_;
   bool has_near_ = false;
+  double near_x_m_ = 0, near_y_m_ = 0;  ///< corrections of X and Y beyond that of the distance, where R = -D
+  double x_slope_ = 0, y_slope_ = 0;    ///< by how much they grow with |X| and |Y|
 };
 
 }  // namespace roadvec

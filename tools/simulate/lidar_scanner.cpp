@@ -22,6 +22,8 @@ Eigen::Isometry3d mounting(const LidarSpec& lidar) {
           Axis(rad_from_deg(lidar.roll_deg), Eigen::Vector3d::UnitX()));
 }
 
+bool nothing(const Hit& hit) { return hit.face == Hit::kNothing; }
+
 void put_u16(std::uint8_t* at, unsigned value) {
   at[0] = static_cast<std::uint8_t>(value & 0xFF);
   at[1] = static_cast<std::uint8_t>(value >> 8 & 0xFF);
@@ -48,6 +50,12 @@ LidarScanner::LidarScanner(const Scene& scene, const LidarHead& head, const Worl
     const double gain = std::exp(kGainSpread * random_.normal());
     laser.elevation_rad += rad_from_deg(scene.errors.laser_elevation_deg) * random_.normal();
     lasers_.push_back({LaserOptics(laser), bias_m, gain});
+  }
+  for (int bank = 0; bank < facts_.bank_count; ++bank) {
+    for (int lane = 0; lane < kLanesPerBlock; ++lane) {
+      shots_.push_back({static_cast<std::size_t>(laser_of(model_, bank, lane)),
+                        static_cast<double>(lane_time_ns(model_, bank, lane)) / facts_.group_period_ns});
+    }
   }
 }
 
@@ -83,22 +91,21 @@ void LidarScanner::fire_group(std::int64_t group_time_ns, std::uint8_t* blocks) 
   const double reading_rad = rad_from_deg(reading_cdeg / 100.0);
   const double turn_rad = kTwoPi * scene_.lidar.rotation_hz * facts_.group_period_ns * 1e-9;
   const HeadAzimuth reading(reading_rad);
-  group_time_s_ = 1e-9 * static_cast<double>(group_time_ns);
   const auto T_at = [&](double after_ns) {
     return motion_.at(1e-9 * (static_cast<double>(group_time_ns) + after_ns)).T_scene_vehicle() * T_vehicle_lidar_;
   };
   const Eigen::Isometry3d T_begin = T_at(0), T_end = T_at(facts_.group_period_ns);
+  world_.look(1e-9 * static_cast<double>(group_time_ns), T_begin.translation().head<2>(), scene_.lidar.range_m,
+              moment_);
   std::array<std::array<Firing, kLanesPerBlock>, kMaxBanks> firings{};
-  for (int bank = 0; bank < facts_.bank_count; ++bank) {
-    for (int lane = 0; lane < kLanesPerBlock; ++lane) {
-      const double share = static_cast<double>(lane_time_ns(model_, bank, lane)) / facts_.group_period_ns;
-      // In the 55 us at most between the two, no bend of the way is worth a nanometre.
-      Eigen::Isometry3d T_scene_lidar;
-      T_scene_lidar.affine() = T_begin.affine() + share * (T_end.affine() - T_begin.affine());
-      firings[static_cast<std::size_t>(bank)][static_cast<std::size_t>(lane)] =
-          fire(lasers_[static_cast<std::size_t>(laser_of(model_, bank, lane))],
-               facts_.follow_turn ? HeadAzimuth(reading_rad + share * turn_rad) : reading, T_scene_lidar);
-    }
+  for (std::size_t i = 0; i < shots_.size(); ++i) {
+    const Shot& shot = shots_[i];
+    // In the 55 us at most between the two, no bend of the way is worth a nanometre.
+    Eigen::Isometry3d T_scene_lidar;
+    T_scene_lidar.affine() = T_begin.affine() + shot.share * (T_end.affine() - T_begin.affine());
+    firings[i / kLanesPerBlock][i % kLanesPerBlock] =
+        fire(lasers_[shot.laser], facts_.follow_turn ? HeadAzimuth(reading_rad + shot.share * turn_rad) : reading,
+             T_scene_lidar);
   }
   for (int i = 0; i < layout_.block_count; ++i) {
     const GroupLayout::Block role = layout_.blocks[static_cast<std::size_t>(i)];
@@ -115,43 +122,69 @@ void LidarScanner::fire_group(std::int64_t group_time_ns, std::uint8_t* blocks) 
 
 LidarScanner::Firing LidarScanner::fire(const Laser& laser, const HeadAzimuth& azimuth,
                                         const Eigen::Isometry3d& T_scene_lidar) {
-  const auto cast = [&](const LaserBeam& beam, double reach_m) {
-    return world_.cast(T_scene_lidar * beam.origin_m, T_scene_lidar.linear() * beam.direction, reach_m, group_time_s_);
-  };
-  LaserBeam beam;
-  Hit middle;
+  Eigen::Vector2d aside;  // of a place in the footprint, out of its radius
+  do {
+    const std::uint64_t draw = random_.bits();
+    aside = {static_cast<std::int32_t>(draw) * 0x1p-31, static_cast<std::int32_t>(draw >> 32) * 0x1p-31};
+  } while (aside.squaredNorm() > 1);
+  const double range_m = scene_.lidar.range_m;
+  Hits hits;
+  double from_m = 0;
   if (laser.optics.has_near()) {
-    beam = laser.optics.near_beam(azimuth);
-    middle = cast(beam, std::min(beam.near_end_m(), scene_.lidar.range_m));
+    const LaserBeam beam = laser.optics.near_beam(azimuth);
+    const Parts parts = parts_of(beam, aside, T_scene_lidar);
+    const double end_m = std::min(beam.near_end_m(), range_m);
+    cast(parts, 0, end_m, hits);
+    if (hits[0].face != Hit::kNothing) {
+      if (std::ranges::any_of(hits, nothing)) cast(parts, end_m, range_m, hits);
+      return choose(echoes_of_hits(hits), beam, laser);
+    }
+    // The other line runs within a hand's breadth of this one, along which there was nothing.
+    if (std::ranges::all_of(hits, nothing)) from_m = std::max(0.0, end_m - 0.5);
   }
-  if (!laser.optics.has_near() || middle.face == Hit::kNothing) {
-    beam = laser.optics.far_beam(azimuth);
-    middle = cast(beam, scene_.lidar.range_m);
-  }
-  return choose(echoes_along(beam, middle, T_scene_lidar), beam, laser);
+  hits.fill({});
+  const LaserBeam beam = laser.optics.far_beam(azimuth);
+  cast(parts_of(beam, aside, T_scene_lidar), from_m, range_m, hits);
+  return choose(echoes_of_hits(hits), beam, laser);
 }
 
-Echoes LidarScanner::echoes_along(const LaserBeam& beam, const Hit& middle, const Eigen::Isometry3d& T_scene_lidar) {
-  double aside = 1, above = 1;  // of a place in the footprint, out of its radius
-  while (aside * aside + above * above > 1) {
-    aside = 2 * random_.uniform() - 1;
-    above = 2 * random_.uniform() - 1;
+/// `aside`: to the right and up, of the place that the second part takes; the third lies opposite.
+LidarScanner::Parts LidarScanner::parts_of(const LaserBeam& beam, const Eigen::Vector2d& aside,
+                                           const Eigen::Isometry3d& T_scene_lidar) const {
+  const Eigen::Vector3d right = aside.x() * beam.right, up = aside.y() * beam.up;
+  const Eigen::Vector3d origin_m = T_scene_lidar * beam.origin_m, direction = T_scene_lidar.linear() * beam.direction;
+  const Eigen::Vector3d beside_m = T_scene_lidar.linear() * (shape_.exit_radius_m * (right + up));
+  const Eigen::Vector3d spread = T_scene_lidar.linear() * (shape_.half_width_rad * right + shape_.half_height_rad * up);
+  return {
+      {{origin_m, direction}, {origin_m + beside_m, direction + spread}, {origin_m - beside_m, direction - spread}}};
+}
+
+/// Casts those parts that have met nothing yet.
+void LidarScanner::cast(const Parts& parts, double from_m, double to_m, Hits& hits) const {
+  for (Hit& hit : hits) {
+    if (nothing(hit)) hit.range_m = to_m;
   }
-  const auto part = [&](const Hit& hit, double weight) {
-    if (hit.face == Hit::kNothing) return SubRay{std::numeric_limits<double>::infinity(), 0, weight, hit.face};
+  const double stray_m = shape_.exit_radius_m + to_m * std::max(shape_.half_width_rad, shape_.half_height_rad);
+  if (stray_m <= Scenery::kStray_m) return world_.cast(moment_, parts, from_m, hits);
+  for (std::size_t k = 0; k < parts.size(); ++k) world_.cast(moment_, {&parts[k], 1}, from_m, {&hits[k], 1});
+}
+
+Echoes LidarScanner::echoes_of_hits(const Hits& hits) const {
+  const auto part = [&](std::size_t k, double weight) {
+    const Hit& hit = hits[k];
+    if (nothing(hit)) return SubRay{std::numeric_limits<double>::infinity(), 0, weight, hit.face};
     return SubRay{hit.range_m, brightness(surfaces_[static_cast<std::size_t>(hit.material)], hit.cosine), weight,
                   hit.face};
   };
-  const auto off_middle = [&](double sign) {
-    const Eigen::Vector3d origin_m =
-        beam.origin_m + sign * shape_.exit_radius_m * (aside * beam.right + above * beam.up);
-    const Eigen::Vector3d direction =
-        beam.direction + sign * (aside * shape_.half_width_rad * beam.right + above * shape_.half_height_rad * beam.up);
-    return part(
-        world_.cast(T_scene_lidar * origin_m, T_scene_lidar.linear() * direction, scene_.lidar.range_m, group_time_s_),
-        0.25);
+  // Nearly always in the order of their ranges.
+  const std::size_t first = hits[1].range_m <= hits[2].range_m ? 1 : 2;
+  const SubRay middle = part(0, 0.5);
+  const auto beside = [&](std::size_t k) {
+    const bool same = !nothing(hits[0]) && !nothing(hits[k]) && hits[k].material == hits[0].material &&
+                      hits[k].cosine == hits[0].cosine;
+    return same ? SubRay{hits[k].range_m, middle.brightness, 0.25, hits[k].face} : part(k, 0.25);
   };
-  std::array<SubRay, 3> parts{part(middle, 0.5), off_middle(1), off_middle(-1)};
+  std::array<SubRay, 3> parts{beside(first), middle, beside(3 - first)};
   return echoes_of(parts);
 }
 
@@ -190,13 +223,13 @@ LidarScanner::Slot LidarScanner::slot_of(const Echo& echo, const LaserBeam& beam
   const double sigma_m = scene_.errors.range_noise_m * std::sqrt(1 + kWeakNoise / echo.power);
   const double measured_m = echo.range_m + laser.bias_m + sigma_m * random_.normal();
   const double raw = beam.raw_m(measured_m) / distance_lsb_m_;
-  if (raw < 0.5 || raw > 65535) return {};
+  if (raw < 0.5 || raw >= 65535) return {};
   const double intensity =
       kIntensityOfWhite * laser.gain * std::pow(echo.brightness, kIntensityPower) * (1 - 1 / echo.power);
   ++return_count_;
   if (echo.face >= 0) faces_seen_[static_cast<std::size_t>(echo.face)].add(echo.range_m);
-  return {static_cast<std::uint16_t>(std::lround(raw)),
-          static_cast<std::uint8_t>(std::lround(std::clamp(laser.optics.raw_intensity(intensity, raw), 0.0, 255.0)))};
+  return {static_cast<std::uint16_t>(raw + 0.5),
+          static_cast<std::uint8_t>(std::clamp(laser.optics.raw_intensity(intensity, raw), 0.0, 255.0) + 0.5)};
 }
 
 /// Bytes 1204 and 1205: the return mode and the product, or an HDL-64E's cycle of 16: nine that tell the time and how

@@ -51,8 +51,7 @@ class SeenFrom {
 /// and packs what comes back, the exact inverse of PacketDecoder's formula.
 ///
 /// A beam is its middle and two places opposite to each other in its footprint, elsewhere at every firing: with half
-/// and a quarter of the light. Cost: three casts per laser and firing, four where the first one ends in the near
-/// correction.
+/// and a quarter of the light. The three are cast together, on one walk through the world.
 class LidarScanner {
  public:
   /// The head has the scene's return mode.
@@ -72,17 +71,28 @@ class LidarScanner {
     LaserOptics optics;
     double bias_m = 0, gain = 1;
   };
+  /// One laser's turn in a group, and when: share of the group's time.
+  struct Shot {
+    std::size_t laser = 0;
+    double share = 0;
+  };
   /// Of a firing, what goes into the blocks of echo 0 and 1; raw 0: nothing.
   struct Slot {
     std::uint16_t raw = 0;
     std::uint8_t intensity = 0;
   };
   using Firing = std::array<Slot, 2>;
+  /// Of a beam: its middle, and the two beside it.
+  using Parts = std::array<Beam, 3>;
+  using Hits = std::array<Hit, 3>;
 
   [[nodiscard]] std::uint16_t azimuth_cdeg(std::int64_t time_ns) const;
   void fire_group(std::int64_t group_time_ns, std::uint8_t* blocks);
   [[nodiscard]] Firing fire(const Laser& laser, const HeadAzimuth& azimuth, const Eigen::Isometry3d& T_scene_lidar);
-  [[nodiscard]] Echoes echoes_along(const LaserBeam& beam, const Hit& middle, const Eigen::Isometry3d& T_scene_lidar);
+  [[nodiscard]] Parts parts_of(const LaserBeam& beam, const Eigen::Vector2d& aside,
+                               const Eigen::Isometry3d& T_scene_lidar) const;
+  void cast(const Parts& parts, double from_m, double to_m, Hits& hits) const;
+  [[nodiscard]] Echoes echoes_of_hits(const Hits& hits) const;
   [[nodiscard]] Firing choose(const Echoes& echoes, const LaserBeam& beam, const Laser& laser);
   [[nodiscard]] Slot slot_of(const Echo& echo, const LaserBeam& beam, const Laser& laser);
   void put_status();
@@ -99,9 +109,10 @@ class LidarScanner {
   std::array<Surface, kMaterialCount> surfaces_;
   Eigen::Isometry3d T_vehicle_lidar_;
   std::vector<Laser> lasers_;
+  std::vector<Shot> shots_;  ///< of a group, bank after bank
   std::vector<SeenFrom> faces_seen_;
   std::uint64_t return_count_ = 0, packet_count_ = 0;
-  double group_time_s_ = 0;   ///< of the firing under way: nothing moves a millimetre within one
+  World::Moment moment_;      ///< of the firing under way: nothing moves a millimetre within one
   std::int64_t time_ns_ = 0;  ///< of the next packet's first firing, after the drive's start
   SimulatedPacket packet_;
 };

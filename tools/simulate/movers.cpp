@@ -102,7 +102,7 @@ void Movers::list_by_second() {
   }
 }
 
-bool Movers::find(const Mover& mover, double time_s, Place& place) {
+bool Movers::place_at(const Mover& mover, double time_s, Place& place) {
   if (time_s < mover.spec.start_s) return false;
   double station_m = mover.spec.from_m + mover.spec.speed_mps * (time_s - mover.spec.start_s);
   if (mover.spec.closed) station_m -= mover.length_m * std::floor(station_m / mover.length_m);
@@ -116,23 +116,32 @@ bool Movers::find(const Mover& mover, double time_s, Place& place) {
   return true;
 }
 
-void Movers::cast(const Beam& beam, double range_m, double time_s, Hit& hit) const {
+void Movers::find(double time_s, const Eigen::Vector2d& eye_m, double reach_m, std::vector<Placed>& placed) const {
+  placed.clear();
   const auto second = std::min(static_cast<std::size_t>(std::max(0.0, time_s)), by_second_.size() - 1);
-  const Eigen::Vector2d step = beam.direction.head<2>();
   for (const std::uint32_t i : by_second_[second]) {
-    const Mover& mover = movers_[i];
-    Place place;
-    if (!find(mover, time_s, place)) continue;
-    const Eigen::Vector2d offset = place.centre_m - beam.origin_m.head<2>();
-    const double aside_m = step.x() * offset.y() - step.y() * offset.x();
-    if (step.dot(offset) < -mover.reach_m || aside_m * aside_m > mover.reach_m * mover.reach_m * step.squaredNorm())
-      continue;
+    Placed one{i, {}};
+    if (!place_at(movers_[i], time_s, one.place)) continue;
+    const double near_m = reach_m + movers_[i].reach_m;
+    if ((one.place.centre_m - eye_m).squaredNorm() < near_m * near_m) placed.push_back(one);
+  }
+}
+
+void Movers::cast(std::span<const Placed> placed, std::span<const Beam> beams, double from_m,
+                  std::span<Hit> hits) const {
+  const Eigen::Vector2d step = beams.front().direction.head<2>(), eye_m = beams.front().origin_m.head<2>();
+  for (const Placed& one : placed) {
+    const Mover& mover = movers_[one.mover];
+    const Place& place = one.place;
+    const Eigen::Vector2d offset = place.centre_m - eye_m;
+    const double aside_m = cross(step, offset), near_m = mover.reach_m + Scenery::kStray_m;
+    if (step.dot(offset) < -near_m || aside_m * aside_m > near_m * near_m * step.squaredNorm()) continue;
     for (Box box : mover.boxes) {
       box.centre_m = place.centre_m + turned(box.centre_m, place.ahead);
       box.axis = place.ahead;
       box.base_m = place.height_m + place.gradient.dot(box.centre_m - place.centre_m);
       box.gradient = place.gradient;
-      if (meet(box, beam, 0, range_m, hit)) range_m = hit.range_m;
+      for (std::size_t k = 0; k < beams.size(); ++k) meet(box, beams[k], from_m, hits[k].range_m, hits[k]);
     }
   }
 }
@@ -141,7 +150,7 @@ std::vector<Movers::Outline> Movers::at(double time_s) const {
   std::vector<Outline> outlines;
   for (const Mover& mover : movers_) {
     Place place;
-    if (!find(mover, time_s, place)) continue;
+    if (!place_at(mover, time_s, place)) continue;
     const Box& body = mover.boxes.front();
     outlines.push_back({place.centre_m, place.ahead, body.half_length_m, body.half_width_m});
   }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "core/base/error.h"
@@ -19,8 +20,19 @@ class Movers {
   /// Fails on a line that cannot be followed.
   [[nodiscard]] static Expected<Movers> create(const std::vector<MoverSpec>& specs, const Scenery& scenery);
 
-  /// The nearest of them that the beam meets before `range_m`.
-  void cast(const Beam& beam, double range_m, double time_s, Hit& hit) const;
+  struct Place {
+    Eigen::Vector2d centre_m, ahead, gradient;
+    double height_m = 0;
+  };
+  /// One of them at some time.
+  struct Placed {
+    std::uint32_t mover = 0;
+    Place place;
+  };
+  /// Those that are there at a time, and within reach of a place.
+  void find(double time_s, const Eigen::Vector2d& eye_m, double reach_m, std::vector<Placed>& placed) const;
+  /// The first surface of each beam from a range on and before that of its hit, which stays if there is none.
+  void cast(std::span<const Placed> placed, std::span<const Beam> beams, double from_m, std::span<Hit> hits) const;
 
   struct Outline {
     Eigen::Vector2d centre_m, ahead;
@@ -30,10 +42,6 @@ class Movers {
   [[nodiscard]] std::vector<Outline> at(double time_s) const;
 
  private:
-  struct Place {
-    Eigen::Vector2d centre_m, ahead, gradient;
-    double height_m = 0;
-  };
   struct Mover {
     MoverSpec spec;
     double length_m = 0;        ///< of its line
@@ -44,7 +52,7 @@ class Movers {
   static constexpr double kStep_m = 0.25;
 
   /// False if it is not there at that time.
-  [[nodiscard]] static bool find(const Mover& mover, double time_s, Place& place);
+  [[nodiscard]] static bool place_at(const Mover& mover, double time_s, Place& place);
   void list_by_second();
 
   std::vector<Mover> movers_;

@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
+
+#include "tools/simulate/scenery_cast.h"
 
 namespace roadvec {
 namespace {
@@ -10,11 +11,6 @@ namespace {
 constexpr double kFar = std::numeric_limits<double>::infinity();
 
 }  // namespace
-
-struct Scenery::Crossing {
-  double range_m, share;
-  std::uint32_t kerb;
-};
 
 /// A beam in plan, from the grid's corner.
 struct Scenery::Line {
@@ -76,203 +72,73 @@ struct Scenery::Walk {
   }
 };
 
-Hit Scenery::cast(const Beam& beam, double range_m) const {
-  Hit hit{range_m, 0, Material::road, Hit::kNothing};
-  const Line line(beam, corner_m_);
-  const double enters_m = line.enters_m({columns_ * kBlockCells * kCell_m, rows_ * kBlockCells * kCell_m});
-  if (!(enters_m < range_m)) return hit;
+void Scenery::cast(std::span<const Beam> beams, double from_m, std::span<Hit> hits) const {
+  Cast cast(beams, from_m, hits);
+  const Line line(beams.front(), corner_m_);
+  const double enters_m =
+      std::max(from_m, line.enters_m({columns_ * kBlockCells * kCell_m, rows_ * kBlockCells * kCell_m}));
+  if (!(enters_m < cast.end_m)) return;
   Walk blocks(line, kBlockCells * kCell_m, {0, 0}, {columns_ - 1, rows_ - 1}, enters_m);
-  while (blocks.from_m < range_m && blocks.column >= 0 && blocks.row >= 0 && blocks.column < columns_ &&
+  while (blocks.from_m < cast.end_m && blocks.column >= 0 && blocks.row >= 0 && blocks.column < columns_ &&
          blocks.row < rows_) {
     const double top_m = block_tops_m_[static_cast<std::size_t>(blocks.row * columns_ + blocks.column)];
-    const double to_m = std::min(blocks.next_m(), range_m);
-    if (std::min(beam.height_m(blocks.from_m), beam.height_m(to_m)) <= top_m) {
-      // A beam on its way down is above everything in the block until here.
-      if (beam.height_m(blocks.from_m) > top_m) blocks.from_m = (top_m - beam.origin_m.z()) / beam.direction.z();
-      meet_block(line, blocks, beam, to_m, hit);
-      if (hit.face != Hit::kNothing) return hit;
+    const double to_m = std::min(blocks.next_m(), cast.end_m);
+    if (std::min(cast.lowest_m(blocks.from_m), cast.lowest_m(to_m)) <= top_m) {
+      // Beams on their way down are above everything in the block until here.
+      if (cast.lowest_m(blocks.from_m) > top_m) blocks.from_m = (top_m - cast.low_m) / cast.sinks;
+      meet_block(line, blocks, to_m, cast);
     }
     blocks.advance();
   }
-  hit.range_m = range_m;
-  return hit;
 }
 
-void Scenery::meet_block(const Line& line, const Walk& block, const Beam& beam, double end_m, Hit& hit) const {
+void Scenery::meet_block(const Line& line, const Walk& block, double to_m, Cast& cast) const {
   const int low_x = block.column * kBlockCells, low_y = block.row * kBlockCells;
   const std::size_t first = cell_index(low_x, low_y);
   const Level* const levels = levels_.data() + first;
-  std::optional<bool> maybe_over_road;  // absent: not followed since the beam was high above an edge
   Walk walk(line, kCell_m, {low_x, low_y}, {low_x + kBlockCells - 1, low_y + kBlockCells - 1}, block.from_m);
-  double height_m = beam.height_m(walk.from_m);
-  for (; walk.from_m < end_m; walk.advance()) {
+  const double low_m = cast.low_m, sinks = cast.sinks;
+  double height_m = low_m + walk.from_m * sinks, end_m = to_m;
+  cast.low_step = -2;
+  for (int step = 0; walk.from_m < end_m; walk.advance(), ++step) {
     const int column = walk.column - low_x, row = walk.row - low_y;
     if (((column | row) & ~(kBlockCells - 1)) != 0) return;
     const auto index = static_cast<std::size_t>(row * kBlockCells + column);
-    const double to_m = std::min(walk.next_m(), end_m), next_height_m = beam.height_m(to_m);
+    const double next_m = std::min(walk.next_m(), end_m), next_height_m = low_m + next_m * sinks;
     const double lowest_m = std::min(height_m, next_height_m);
     height_m = next_height_m;
-    const Level level = levels[index];
-    if (lowest_m > level.ground_m) maybe_over_road.reset();
-    if (lowest_m > level.top_m) continue;
+    if (lowest_m > levels[index].top_m) continue;
     const Cell& here = cells_[first + index];
-    hit.range_m = to_m;
-    if (here.solid != here.last) meet_solids(here, beam, walk.from_m, to_m, hit);
-    if (lowest_m <= level.ground_m && here.even) {
-      maybe_over_road = here.on_road;
-      meet_even(here, corner_m_ + kCell_m * Eigen::Vector2d(walk.column, walk.row), beam, {walk.from_m, hit.range_m},
-                hit);
-    } else if (lowest_m <= level.ground_m) {
-      if (here.first == here.solid) maybe_over_road = here.on_road;
-      if (!maybe_over_road) maybe_over_road = on_road(beam.place_m(walk.from_m));
-      meet_low(here, beam, walk.from_m, hit.range_m, *maybe_over_road, hit);
+    if (here.solid != here.last) meet_solids(here, cast);
+    if (lowest_m <= levels[index].ground_m) {
+      if (step != cast.low_step + 1) cast.followed = 0;
+      cast.low_step = step;
+      const Eigen::Vector2d corner_m = corner_m_ + kCell_m * Eigen::Vector2d(walk.column, walk.row);
+      meet_low({here, corner_m, walk.from_m, next_m}, levels[index].ground_m, cast);
     }
-    if (hit.face != Hit::kNothing) return;
+    cast.find_end();
+    end_m = std::min(end_m, cast.end_m);
   }
 }
 
-void Scenery::meet_solids(const Cell& cell, const Beam& beam, double from_m, double to_m, Hit& hit) const {
+void Scenery::meet_solids(const Cell& cell, Cast& cast) const {
   constexpr std::uint32_t kIndex = (1U << kKindShift) - 1;
+  const auto meet_all = [&](const auto& thing) {
+    for (std::size_t k = 0; k < cast.beams.size(); ++k) {
+      meet(thing, cast.beams[k], cast.from_m, cast.hits[k].range_m, cast.hits[k]);
+    }
+  };
   for (std::uint32_t i = cell.solid; i < cell.last; ++i) {
     const std::uint32_t index = items_[i] & kIndex;
     const auto kind = static_cast<Kind>(items_[i] >> kKindShift);
-    const double before_m = std::min(to_m, hit.range_m);
     if (kind == Kind::face) {
-      meet(things_.faces[index], beam, from_m, before_m, hit);
+      meet_all(things_.faces[index]);
     } else if (kind == Kind::pole) {
-      meet(things_.poles[index], beam, from_m, before_m, hit);
+      meet_all(things_.poles[index]);
     } else {
-      meet(things_.boxes[index], beam, from_m, before_m, hit);
+      meet_all(things_.boxes[index]);
     }
   }
-}
-
-/// Ranges in [from, to) at which the beam crosses the road's edge, nearest first.
-std::size_t Scenery::crossings_in(const Cell& cell, const Beam& beam, double from_m, double to_m,
-                                  Crossing* crossings) const {
-  std::size_t count = 0;
-  const Eigen::Vector2d step = beam.direction.head<2>(), origin_m = beam.origin_m.head<2>();
-  for (std::uint32_t i = cell.first; i < cell.solid; ++i) {
-    const Kerb& kerb = things_.kerbs[items_[i]];
-    const Eigen::Vector2d along = kerb.b_m - kerb.a_m, offset = kerb.a_m - origin_m;
-    const double across = cross(step, along);
-    const double range_m = cross(offset, along) / across, share = cross(offset, step) / across;
-    if (!(range_m >= from_m && range_m < to_m && share >= 0 && share < 1)) continue;
-    std::size_t place = count++;
-    for (; place > 0 && crossings[place - 1].range_m > range_m; --place) crossings[place] = crossings[place - 1];
-    crossings[place] = {range_m, share, items_[i]};
-  }
-  return count;
-}
-
-/// The beam through a cell in which it may come down to the ground: from one crossing of the road's edge to the next.
-bool Scenery::meet_low(const Cell& cell, const Beam& beam, double from_m, double to_m, bool& over_road,
-                       Hit& hit) const {
-  std::array<Crossing, kMostKerbs> crossings;
-  const std::size_t count = crossings_in(cell, beam, from_m, to_m, crossings.data());
-  const auto sheet = [&] { return over_road ? Sheet::road : Sheet::beside; };
-  for (std::size_t i = 0; i < count; ++i) {
-    if (meet_ground(sheet(), beam, from_m, crossings[i].range_m, hit)) return true;
-    if (meet_kerb(crossings[i], beam, over_road, hit)) return true;
-    from_m = crossings[i].range_m;
-  }
-  return meet_ground(sheet(), beam, from_m, to_m, hit);
-}
-
-/// The ground of an even cell: bilinear between its corners, nearly a plane.
-void Scenery::meet_even(const Cell& cell, const Eigen::Vector2d& corner_m, const Beam& beam,
-                        const std::array<double, 2>& range_m, Hit& hit) const {
-  const double a = cell.corners_m[0], b = cell.corners_m[1] - a, c = cell.corners_m[2] - a;
-  const double d = cell.corners_m[3] - a - b - c;
-  const auto u = [&](double t_m) { return (beam.origin_m.x() + t_m * beam.direction.x() - corner_m.x()) / kCell_m; };
-  const auto v = [&](double t_m) { return (beam.origin_m.y() + t_m * beam.direction.y() - corner_m.y()) / kCell_m; };
-  const auto clearance_m = [&](double t_m) {
-    return beam.height_m(t_m) - (a + u(t_m) * (b + v(t_m) * d) + v(t_m) * c);
-  };
-  const double high_m = clearance_m(range_m[0]), low_m = clearance_m(range_m[1]);
-  if (high_m > 0 && low_m > 0) return;
-  double at_m = range_m[0];
-  if (high_m > 0) {
-    const double sinks = (high_m - low_m) / (range_m[1] - range_m[0]);
-    at_m += high_m / sinks;
-    at_m = std::clamp(at_m + clearance_m(at_m) / sinks, range_m[0], range_m[1]);
-  }
-  const Eigen::Vector2d gradient = Eigen::Vector2d(b + v(at_m) * d, c + u(at_m) * d) / kCell_m;
-  settle(cell.on_road ? Sheet::road : Sheet::beside, gradient, beam, range_m[0], at_m, hit);
-}
-
-bool Scenery::meet_kerb(const Crossing& crossing, const Beam& beam, bool& over_road, Hit& hit) const {
-  const Kerb& kerb = things_.kerbs[crossing.kerb];
-  const Eigen::Vector2d along = kerb.b_m - kerb.a_m;
-  const double outwards = cross(along, beam.direction.head<2>()) / along.norm();
-  over_road = outwards < 0;
-  if (over_road) return false;
-  const double z_m = beam.height_m(crossing.range_m);
-  const double top_m = std::lerp(kerb.top_a_m, kerb.top_b_m, crossing.share);
-  const double foot_m = std::lerp(kerb.foot_a_m, kerb.foot_b_m, crossing.share);
-  if (z_m > top_m || top_m - foot_m < 1e-4) return false;
-  // The upper edge is a quarter of a circle: the higher the beam, the farther back it meets it.
-  const double round_m = std::min(kerb.round_m, top_m - foot_m), up_m = z_m - (top_m - round_m);
-  double back_m = 0, cosine = outwards;
-  if (up_m > 0) {
-    back_m = round_m - std::sqrt(std::max(0.0, round_m * round_m - up_m * up_m));
-    const double tilt = up_m / round_m;
-    cosine = std::abs(outwards * std::sqrt(1 - tilt * tilt) - beam.direction.z() * tilt);
-  }
-  hit = {crossing.range_m + std::min(back_m / std::max(outwards, 0.1), 0.1), std::min(cosine, 1.0), Material::kerb,
-         kerb.face};
-  return true;
-}
-
-/// The first place in [from, to) where the beam comes down to the sheet.
-bool Scenery::meet_ground(Sheet sheet, const Beam& beam, double from_m, double to_m, Hit& hit) const {
-  const auto clearance_m = [&](double range_m) {
-    return beam.height_m(range_m) - ground_.height_m(sheet, beam.origin_m.x() + range_m * beam.direction.x(),
-                                                     beam.origin_m.y() + range_m * beam.direction.y());
-  };
-  constexpr double kStep_m = 0.7, kNear_m = 0.1;
-  double low_m = from_m, low_clearance_m = clearance_m(from_m);
-  double high_m = to_m, high_clearance_m = clearance_m(to_m);
-  if (low_clearance_m > 0 && high_clearance_m > 0) {
-    // Between two places above the sheet the beam may graze a crest.
-    if (high_clearance_m > kNear_m && low_clearance_m > kNear_m) return false;
-    const int steps = static_cast<int>(std::ceil(beam.direction.head<2>().norm() * (to_m - from_m) / kStep_m));
-    for (int i = 1; i < steps; ++i) {
-      high_m = std::lerp(from_m, to_m, static_cast<double>(i) / steps);
-      high_clearance_m = clearance_m(high_m);
-      if (high_clearance_m <= 0) break;
-      low_m = high_m;
-      low_clearance_m = high_clearance_m;
-    }
-    if (high_clearance_m > 0) return false;
-  }
-  // Where the straight line through both clearances comes down, until it is close enough.
-  double at_m = low_m;
-  for (int i = 0; i < 6 && low_clearance_m > 0; ++i) {
-    at_m = std::lerp(low_m, high_m, low_clearance_m / (low_clearance_m - high_clearance_m));
-    const double here_m = clearance_m(at_m);
-    if (std::abs(here_m) < 1e-5) break;
-    (here_m > 0 ? low_m : high_m) = at_m;
-    (here_m > 0 ? low_clearance_m : high_clearance_m) = here_m;
-  }
-  settle(sheet, ground_.level(sheet, beam.place_m(at_m)).gradient, beam, from_m, at_m, hit);
-  return true;
-}
-
-/// The hit where a beam has come down to the ground, with the bump that is there.
-void Scenery::settle(Sheet sheet, const Eigen::Vector2d& gradient, const Beam& beam, double from_m, double range_m,
-                     Hit& hit) const {
-  const Eigen::Vector2d point_m = beam.place_m(range_m);
-  const Material material = sheet == Sheet::road ? Material::road : ground_.material(point_m);
-  const double sinks = gradient.dot(beam.direction.head<2>()) - beam.direction.z();
-  const double rough_m = roughness_m_[static_cast<std::size_t>(material)];
-  if (rough_m > 0) {
-    // Met farther off along the beam the flatter that comes in.
-    constexpr double kBump_m = 0.05, kFarthest_m = 0.3;
-    const double bump_m = rough_m * (2 * noise_at({point_m.x(), point_m.y(), 0}, kBump_m) - 1);
-    range_m = std::max(from_m, range_m - std::clamp(bump_m / std::max(sinks, 1e-3), -kFarthest_m, kFarthest_m));
-  }
-  hit = {range_m, std::clamp(sinks / std::sqrt(1 + gradient.squaredNorm()), 0.0, 1.0), material, Hit::kGround};
 }
 
 Eigen::Vector2d Scenery::cell_corner_m(std::size_t index) const {
@@ -293,10 +159,11 @@ bool Scenery::on_road(const Eigen::Vector2d& point_m) const {
   bool on_road = cell.on_road;
   for (std::uint32_t i = cell.first; i < cell.solid; ++i) {
     const Kerb& kerb = things_.kerbs[items_[i]];
-    const Eigen::Vector2d along = kerb.b_m - kerb.a_m, offset = kerb.a_m - middle_m;
-    const double across = cross(way, along);
-    const double part = cross(offset, along) / across, share = cross(offset, way) / across;
-    if (part >= 0 && part < 1 && share >= 0 && share < 1) on_road = !on_road;
+    const Eigen::Vector2d offset = kerb.a_m - middle_m;
+    const double left_a = cross(way, offset), left_b = cross(way, kerb.b_m - middle_m);
+    if ((left_a < 0) == (left_b < 0)) continue;
+    const double part = cross(offset, kerb.b_m - kerb.a_m) / (left_b - left_a);
+    if (part >= 0 && part < 1) on_road = !on_road;
   }
   return on_road;
 }

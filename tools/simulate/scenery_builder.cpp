@@ -6,8 +6,6 @@
 namespace roadvec {
 namespace {
 
-/// Cells take in what lies this close to them, so that no rounding on a cell's border loses a thing.
-constexpr double kSlack_m = 1e-6;
 /// Above the highest sample of the ground: bumps, and what bilinear samples miss.
 constexpr float kAbove_m = 0.04F;
 
@@ -70,7 +68,8 @@ struct Scenery::Builder {
     // Cells lie on the ground's samples, so that whether a cell's middle is on the road is known exactly.
     const Eigen::Vector2d cells = ((scenery.ground_.low_m() - low) / kCell_m).array().ceil().matrix();
     scenery.corner_m_ = scenery.ground_.low_m() - kCell_m * (cells + Eigen::Vector2d::Ones());
-    const Eigen::Vector2d blocks = (high - scenery.corner_m_) / (kCell_m * kBlockCells);
+    const Eigen::Vector2d stray = Eigen::Vector2d::Constant(kStray_m);
+    const Eigen::Vector2d blocks = (high + stray - scenery.corner_m_) / (kCell_m * kBlockCells);
     scenery.columns_ = static_cast<int>(blocks.x()) + 1;
     scenery.rows_ = static_cast<int>(blocks.y()) + 1;
     items.resize(static_cast<std::size_t>(scenery.columns_ * scenery.rows_ * kCellsOfBlock));
@@ -80,7 +79,7 @@ struct Scenery::Builder {
 
   template <class Thing, class Meets>
   void add(const std::vector<Thing>& things, Kind kind, Meets&& meets) {
-    const Eigen::Vector2d slack = Eigen::Vector2d::Constant(kSlack_m), cell = Eigen::Vector2d::Constant(kCell_m);
+    const Eigen::Vector2d slack = Eigen::Vector2d::Constant(kStray_m), cell = Eigen::Vector2d::Constant(kCell_m);
     for (std::uint32_t i = 0; i < things.size(); ++i) {
       const Footprint print = footprint(things[i]);
       const Eigen::Vector2d low = (print.low_m - slack - scenery.corner_m_) / kCell_m;
@@ -101,22 +100,21 @@ struct Scenery::Builder {
   void level_cells() {
     for (std::size_t c = 0; c < items.size(); ++c) {
       Cell& cell = scenery.cells_[c];
-      float ground_m = 0;
+      auto ground_m = static_cast<float>(Ground::kNone_m);
       const Eigen::Vector2d corner_m = scenery.cell_corner_m(c);
       cell.on_road = scenery.ground_.off_road_m(corner_m + Eigen::Vector2d::Constant(kCell_m / 2)) < 0;
-      if (items[c].empty()) {
-        ground_m = level(cell, cell.on_road ? Sheet::road : Sheet::beside, corner_m);
-      } else {
-        ground_m = std::max(level(cell, Sheet::road, corner_m), level(cell, Sheet::beside, corner_m));
-        cell.even = false;
+      for (const Sheet sheet : {Sheet::road, Sheet::beside}) {
+        if (items[c].empty() && cell.on_road != (sheet == Sheet::road)) continue;
+        ground_m = std::max(ground_m, level(cell.patches[static_cast<std::size_t>(sheet)], sheet, corner_m));
       }
       scenery.levels_[c] = {ground_m, ground_m};
     }
   }
 
-  /// The highest point of a sheet in a cell; sets the cell's corners and whether they tell all of it.
-  float level(Cell& cell, Sheet sheet, const Eigen::Vector2d& corner_m) const {
+  /// The highest point of a sheet in a cell and kStray_m around it; sets the patch.
+  float level(Patch& patch, Sheet sheet, const Eigen::Vector2d& corner_m) const {
     constexpr int kSamples = static_cast<int>(kCell_m / Ground::kStep_m);
+    static_assert(kStray_m <= Ground::kStep_m);
     constexpr double kEven_m = 0.0015;  // half of what bumps on the road add
     const auto height_m = [&](int i, int j) {
       const Eigen::Vector2d point_m = corner_m + Ground::kStep_m * Eigen::Vector2d(i, j);
@@ -124,15 +122,22 @@ struct Scenery::Builder {
     };
     const double a = height_m(0, 0), b = height_m(kSamples, 0), c = height_m(0, kSamples),
                  d = height_m(kSamples, kSamples);
-    cell.corners_m = {static_cast<float>(a), static_cast<float>(b), static_cast<float>(c), static_cast<float>(d)};
-    cell.even = true;
+    patch.corners_m = {static_cast<float>(a), static_cast<float>(b), static_cast<float>(c), static_cast<float>(d)};
+    const auto material = [&](int i, int j) {
+      return sheet == Sheet::road ? Material::road
+                                  : scenery.ground_.material(corner_m + Ground::kStep_m * Eigen::Vector2d(i, j));
+    };
+    patch.material = material(0, 0);
+    patch.even = patch.uniform = true;
     double highest_m = a;
-    for (int i = 0; i <= kSamples; ++i) {
-      for (int j = 0; j <= kSamples; ++j) {
-        const double u = static_cast<double>(i) / kSamples, v = static_cast<double>(j) / kSamples;
+    for (int i = -1; i <= kSamples + 1; ++i) {
+      for (int j = -1; j <= kSamples + 1; ++j) {
         const double here_m = height_m(i, j);
         highest_m = std::max(highest_m, here_m);
-        cell.even = cell.even && std::abs(here_m - std::lerp(std::lerp(a, b, u), std::lerp(c, d, u), v)) < kEven_m;
+        patch.uniform = patch.uniform && material(i, j) == patch.material;
+        if (i < 0 || j < 0 || i > kSamples || j > kSamples) continue;
+        const double u = static_cast<double>(i) / kSamples, v = static_cast<double>(j) / kSamples;
+        patch.even = patch.even && std::abs(here_m - std::lerp(std::lerp(a, b, u), std::lerp(c, d, u), v)) < kEven_m;
       }
     }
     return static_cast<float>(highest_m) + kAbove_m;

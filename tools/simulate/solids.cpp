@@ -25,28 +25,41 @@ bool shows(const Face& face, double along_m, double above_m, Material& material)
   return true;
 }
 
-}  // namespace
+std::uint64_t mixed(std::uint64_t hash, double squares) {
+  // The square that it is in; what floor() does costs a call where the processor's own is not to be had.
+  const auto towards_zero = static_cast<std::int64_t>(squares);
+  hash ^= static_cast<std::uint64_t>(towards_zero - (static_cast<double>(towards_zero) > squares ? 1 : 0));
+  hash *= 0x9E3779B97F4A7C15ULL;
+  return hash ^ hash >> 32;
+}
 
-double noise_at(const Eigen::Vector3d& point_m, double lattice_m) {
-  std::uint64_t hash = 0;
-  const double inverse = 1 / lattice_m;
-  for (Eigen::Index axis = 0; axis < 3; ++axis) {
-    hash ^= static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(point_m[axis] * inverse)));
-    hash *= 0x9E3779B97F4A7C15ULL;
-    hash ^= hash >> 32;
-  }
+double noise_of(std::uint64_t hash) {
   hash *= 0xD6E8FEB86659FD93ULL;
   hash ^= hash >> 32;
   return static_cast<double>(hash >> 11) * 0x1p-53;
 }
 
+}  // namespace
+
+double plan_noise_at(const Eigen::Vector2d& point_m, double lattice_m) {
+  const double inverse = 1 / lattice_m;
+  return noise_of(mixed(mixed(0, point_m.x() * inverse), point_m.y() * inverse));
+}
+
+double noise_at(const Eigen::Vector3d& point_m, double lattice_m) {
+  const double inverse = 1 / lattice_m;
+  return noise_of(mixed(mixed(mixed(0, point_m.x() * inverse), point_m.y() * inverse), point_m.z() * inverse));
+}
+
 bool meet(const Face& face, const Beam& beam, double from_m, double to_m, Hit& hit) {
-  const Eigen::Vector2d along = face.b_m - face.a_m, offset = face.a_m - beam.origin_m.head<2>();
-  const Eigen::Vector2d step = beam.direction.head<2>();
-  const double across = cross(step, along), inverse = 1 / across;
-  const double range_m = cross(offset, along) * inverse, share = cross(offset, step) * inverse;
-  // Half open, so that a beam through the joint of two faces meets one of them.
-  if (!(range_m >= from_m && range_m < to_m && share >= 0 && share < 1)) return false;
+  const Eigen::Vector2d offset = face.a_m - beam.origin_m.head<2>(), step = beam.direction.head<2>();
+  const double left_a = cross(step, offset), left_b = cross(step, face.b_m - beam.origin_m.head<2>());
+  // One of them counts as neither side, so that a beam through the joint of two faces meets one of them.
+  if ((left_a < 0) == (left_b < 0)) return false;
+  const Eigen::Vector2d along = face.b_m - face.a_m;
+  const double across = left_b - left_a, inverse = 1 / across;
+  const double range_m = cross(offset, along) * inverse, share = -left_a * inverse;
+  if (!(range_m >= from_m && range_m < to_m)) return false;
   const double above_m = beam.height_m(range_m) - std::lerp(face.base_a_m, face.base_b_m, share);
   if (above_m < face.bottom_m || above_m > face.top_m) return false;
   const double length_m = along.norm();
@@ -70,11 +83,13 @@ bool meet(const Pole& pole, const Beam& beam, double from_m, double to_m, Hit& h
 
 bool meet(const Box& box, const Beam& beam, double from_m, double to_m, Hit& hit) {
   const Eigen::Vector2d offset = beam.origin_m.head<2>() - box.centre_m, step = beam.direction.head<2>();
-  const Eigen::Vector2d across(-box.axis.y(), box.axis.x());
+  const double step_along = step.dot(box.axis), step_across = cross(box.axis, step);
+  const double reach_m = box.half_length_m * std::abs(step_across) + box.half_width_m * std::abs(step_along);
+  if (std::abs(cross(step, offset)) > reach_m) return false;
   // In the box's own axes: along it, across it, and above the ground that it stands on.
-  const std::array<double, 3> at{offset.dot(box.axis), offset.dot(across),
+  const std::array<double, 3> at{offset.dot(box.axis), cross(box.axis, offset),
                                  beam.origin_m.z() - box.base_m - box.gradient.dot(offset)};
-  const std::array<double, 3> speed{step.dot(box.axis), step.dot(across), beam.direction.z() - box.gradient.dot(step)};
+  const std::array<double, 3> speed{step_along, step_across, beam.direction.z() - box.gradient.dot(step)};
   const std::array<double, 3> low{-box.half_length_m, -box.half_width_m, box.bottom_m};
   const std::array<double, 3> high{box.half_length_m, box.half_width_m, box.top_m};
   double in_m = -std::numeric_limits<double>::infinity(), out_m = to_m + box.porous_m;
@@ -84,8 +99,9 @@ bool meet(const Box& box, const Beam& beam, double from_m, double to_m, Hit& hit
       if (at[i] < low[i] || at[i] > high[i]) return false;
       continue;
     }
-    const double first_m = ((speed[i] > 0 ? low[i] : high[i]) - at[i]) / speed[i];
-    const double last_m = ((speed[i] > 0 ? high[i] : low[i]) - at[i]) / speed[i];
+    const double inverse = 1 / speed[i];
+    const double first_m = ((speed[i] > 0 ? low[i] : high[i]) - at[i]) * inverse;
+    const double last_m = ((speed[i] > 0 ? high[i] : low[i]) - at[i]) * inverse;
     if (first_m > in_m) {
       in_m = first_m;
       side = i;

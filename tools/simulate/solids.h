@@ -19,7 +19,7 @@ struct Hit {
   double range_m = 0;
   double cosine = 0;  ///< of the angle between beam and surface normal
   Material material = Material::road;
-  std::int32_t face = kGround;  ///< the piece of the world's true boundaries that was met, or one of:
+  std::int32_t face = kNothing;  ///< the piece of the world's true boundaries that was met, or one of:
   static constexpr std::int32_t kNothing = -1, kGround = -2, kPole = -3, kOther = -4;
 };
 
@@ -33,7 +33,8 @@ struct Beam {
   }
 };
 
-/// Noise that belongs to a place: in [0, 1), the same whenever a beam comes to that cube of the lattice.
+/// Noise that belongs to a place: in [0, 1), the same whenever a beam comes to that square or cube of the lattice.
+[[nodiscard]] double plan_noise_at(const Eigen::Vector2d& point_m, double lattice_m);
 [[nodiscard]] double noise_at(const Eigen::Vector3d& point_m, double lattice_m);
 
 /// How much of a face a beam meets, by a pattern that stands still.

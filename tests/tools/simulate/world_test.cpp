@@ -83,9 +83,51 @@ TEST(Scenery, the_grid_finds_the_same_face_as_looking_at_all_of_them) {
       const Eigen::Vector2d from(1 + 38 * random.uniform(), 1 + 38 * random.uniform());
       const double angle_rad = kTwoPi * random.uniform();
       const Eigen::Vector3d direction(std::cos(angle_rad), std::sin(angle_rad), 0);
-      const Hit hit = scenery.cast({{from.x(), from.y(), 1}, direction}, 100);
+      const Beam beam{{from.x(), from.y(), 1}, direction};
+      Hit hit{.range_m = 100};
+      scenery.cast({&beam, 1}, 0, {&hit, 1});
       EXPECT_NEAR(hit.range_m, nearest_face_m(faces, from, direction.head<2>()), 1e-9) << "seed " << seed;
     }
+  }
+}
+
+TEST(Scenery, beams_cast_together_meet_what_each_meets_by_itself) {
+  for (const char* const name : {"scene_b", "downtown"}) {
+    auto scene = load_scene(name).value();
+    std::fill(std::begin(scene.roughness_m), std::end(scene.roughness_m), 0.0);
+    const World world = build_world(scene).value().world;
+    const RoadPath route = route_of(scene).value();
+    Random random(1, 0);
+    int count = 0, nothing_count = 0, edge_count = 0, other_count = 0;
+    for (int i = 0; i < 20'000; ++i) {
+      const Eigen::Vector2d place_m =
+          route.beside(scene.car.start_m + random.uniform() * scene.car.distance_m, scene.car.lane_m);
+      const double azimuth_rad = kTwoPi * random.uniform(), elevation_rad = rad_from_deg(2 - 20 * random.uniform());
+      const double c = std::cos(elevation_rad), s = std::sin(elevation_rad);
+      const Eigen::Vector3d ahead(c * std::cos(azimuth_rad), c * std::sin(azimuth_rad), s);
+      const Eigen::Vector3d aside(1e-3 * (2 * random.uniform() - 1), 1e-3 * (2 * random.uniform() - 1),
+                                  1e-3 * (2 * random.uniform() - 1));
+      const Eigen::Vector3d eye_m(place_m.x(), place_m.y(), world.height_at(place_m) + 1.73);
+      const std::array<Beam, 3> beams{{{eye_m, ahead}, {eye_m + aside, ahead + aside}, {eye_m - aside, ahead - aside}}};
+      World::Moment moment;
+      world.look(5, place_m, 100, moment);
+      std::array<Hit, 3> together;
+      together.fill({.range_m = 100});
+      world.cast(moment, beams, 0, together);
+      for (std::size_t k = 0; k < beams.size(); ++k) {
+        const Hit alone = world.cast(beams[k].origin_m, beams[k].direction, 100, 5);
+        // Two squares of ground may differ by what an even one leaves out.
+        const bool same = alone.face == together[k].face && alone.material == together[k].material &&
+                          std::abs(alone.range_m - together[k].range_m) * (alone.cosine + 1e-3) < 0.003;
+        other_count += same ? 0 : 1;
+        nothing_count += alone.face == Hit::kNothing ? 1 : 0;
+        edge_count += alone.face != together[0].face ? 1 : 0;
+        ++count;
+      }
+    }
+    EXPECT_LT(other_count, 0.001 * count) << name;
+    EXPECT_GT(edge_count, 0.01 * count) << "beams that are split tell whether all three are cast";
+    EXPECT_GT(nothing_count, 100);
   }
 }
 
