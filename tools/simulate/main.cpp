@@ -31,7 +31,7 @@ constexpr const char* kFooter =
     "  imu.log                  Xsens MTData2 messages\n"
     "  truth/poses.tum          the true path in the map frame, 100 poses a second\n"
     "  truth/sweeps.tum         the same at the end of each revolution\n"
-    "  truth/boundaries.geojson the true kerbs, walls and parked cars, WGS 84; `seen` tells what the LiDAR has met\n\n"
+    "  truth/boundaries.geojson the true kerbs, walls and parked cars, WGS 84; `seen_within_m`: from how near\n\n"
     "EXIT STATUS\n"
     "  0 done   1 the scene is wrong or a file cannot be written   2 wrong use of the command\n\n"
     "EXAMPLES\n"

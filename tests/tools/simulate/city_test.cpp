@@ -4,7 +4,6 @@
 
 #include "tests/tools/simulate/made_drive.h"
 #include "tests/tools/simulate/made_world.h"
-#include "tools/simulate/picture.h"
 
 namespace roadvec {
 namespace {
@@ -34,26 +33,6 @@ TEST(City, its_streets_have_walls_and_kerbs_beside_the_drive) {
   EXPECT_GT(curb_m, 1000);
   EXPECT_GT(barrier_m, 300);
   EXPECT_GT(parked_m, 50);
-}
-
-TEST(Picture, it_shows_the_kerbs_the_walls_and_the_way_and_stays_small) {
-  const auto scene = load_scene("street");
-  const auto picture = picture_of(scene.value());
-  ASSERT_TRUE(picture) << picture.error().message;
-  EXPECT_LT(picture->size(), 40'000U);
-  EXPECT_EQ(picture->substr(0, 4), "<svg");
-  for (const char* const stroke : {"#555", "#8a4b2a", "#c00"}) EXPECT_NE(picture->find(stroke), std::string::npos);
-}
-
-TEST(Picture, every_shipped_scene_has_one_beside_it_of_the_same_world) {
-  for (const ShippedScene& shipped : shipped_scenes()) {
-    const std::string name(shipped.name), drawn = picture_of(load_scene(name).value()).value();
-    const std::string kept = bytes_of(std::string(ROADVEC_SOURCE "/tools/simulate/scenes/") + name + ".svg");
-    // As far as the roads and what stands along them reach; the rest may differ by rounding.
-    EXPECT_EQ(kept.substr(0, kept.find('\n')), drawn.substr(0, drawn.find('\n')))
-        << "draw it again: roadvec-simulate " << name << " --picture tools/simulate/scenes/" << name << ".svg";
-    EXPECT_LT(kept.size(), 40'000U) << name;
-  }
 }
 
 }  // namespace

@@ -19,11 +19,11 @@ namespace roadvec {
 
 /// A straight road to the east, kerbs at y = +-4, walls at y = +-9: every surface is known without the simulator's own
 /// geometry.
-inline constexpr double kKerb_m = 4, kKerbHeight_m = 0.12, kWall_m = 9, kWallHeight_m = 5;
+inline constexpr double kKerb_m = 4, kKerbHeight_m = 0.12, kWall_m = 9, kWallHeight_m = 5, kRoad_m = 120;
 [[nodiscard]] inline Scene plain_scene() {
   auto scene = parse_scene(R"(
 [road]
-waypoints = [[0, 0], [200, 0]]
+waypoints = [[0, 0], [120, 0]]
 width_m = 8
 crown_percent = 0
 kerb_height_m = 0.12
@@ -40,7 +40,7 @@ setback_m = 5
 height_m = 5
 [car]
 lane_m = -1.75
-start_m = 90
+start_m = 50
 distance_m = 40
 wait_s = 0.0
 speed_mps = 12

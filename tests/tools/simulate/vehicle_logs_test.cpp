@@ -1,5 +1,7 @@
 #include "tools/simulate/vehicle_logs.h"
 
+#include <set>
+
 #include "drivers/can/can_log_reader.h"
 #include "drivers/can/motion_decoder.h"
 #include "drivers/imu/log_reader.h"
@@ -89,6 +91,40 @@ TEST_F(VehicleLogs, can_log_decodes_to_the_true_motion_and_the_declared_errors) 
   EXPECT_GT(most_steering_rad, rad_from_deg(90));
   EXPECT_GT(most_difference_mps, 0.2);
   EXPECT_EQ((*reader)->counters().bad_line_count, 0U);
+}
+
+TEST_F(VehicleLogs, signals_come_in_the_steps_asked_for_such_as_the_papers_cars_one_degree_and_one_kmph) {
+  scene_.errors.steering_step_deg = 1;
+  scene_.errors.wheel_speed_step_kmph = 1;
+  const std::string log =
+      written("can.log", [&](OutputFile& file) { write_can_log(scene_, *motion_, 10, Random(1, 4), file); });
+  const DbcFile dbc = parse_dbc(vehicle_dbc(scene_), "vehicle.dbc");
+  VehicleSignals signals;
+  signals.steering.sum = {"SteeringSensor.SteeringWheelAngle"};
+  for (const char* wheel : {"FL", "FR", "RL", "RR"}) {
+    signals.wheel_speeds.emplace_back().sum = {std::string("WheelSpeeds.WheelSpeed") + wheel};
+  }
+  auto decoder = MotionDecoder::create(dbc, signals);
+  ASSERT_TRUE(decoder) << decoder.error().message;
+  auto reader = CanLogReader::open(log);
+  ASSERT_TRUE(reader) << reader.error().message;
+  std::set<long> angles_deg, speeds_kmph;
+  CanFrame frame;
+  while ((*reader)->read(frame, std::chrono::milliseconds(0)) == CanReadResult::frame) {
+    for (const MotionSample& sample : decoder->decode(frame)) {
+      if (const auto* steering = std::get_if<SteeringAngle>(&sample.value)) {
+        const double deg = deg_from_rad(steering->wheel_rad);
+        angles_deg.insert(std::lround(deg));
+        EXPECT_NEAR(deg, std::round(deg), 1e-6);
+      } else if (const auto* wheels = std::get_if<WheelSpeed>(&sample.value)) {
+        const double kmph = 3.6 * wheels->rear_left_mps;
+        speeds_kmph.insert(std::lround(kmph));
+        EXPECT_NEAR(kmph, std::round(kmph), 1e-6);
+      }
+    }
+  }
+  EXPECT_GT(angles_deg.size(), 20U);
+  EXPECT_GT(speeds_kmph.size(), 10U);
 }
 
 std::vector<double> stamps_of(const std::string& log, const std::string& id) {
