@@ -21,9 +21,9 @@ fuzz_seconds=${FUZZ_SECONDS:-5}
 begin=$SECONDS
 say() { printf '\n== %s (%d s)\n' "$*" $((SECONDS - begin)); }
 
-# lint FILE...: with clang's own flags, those of the fuzz preset, file by file.
+# lint FILE...: with the flags of the clang build, file by file.
 lint() {
-  cmake --preset fuzz -B build/lint -DCMAKE_UNITY_BUILD=OFF >/dev/null
+  cmake --preset asan-ubsan -B build/lint -DCMAKE_UNITY_BUILD=OFF >/dev/null
   cmake --build build/lint --target precompiled precompiled_tests precompiled_main >/dev/null
   git ls-files -z "$@" | xargs -0 -n 1 -P "$(nproc)" clang-tidy-14 -p build/lint --quiet 2>/dev/null
 }
@@ -53,9 +53,9 @@ if [ "$mode" = --quick ]; then
   exit 0
 fi
 
-say "build and tests: address and undefined-behaviour sanitizers"
+say "build and tests: address and undefined-behaviour sanitizers, and the fuzz targets"
 cmake --preset asan-ubsan >/dev/null
-cmake --build --preset asan-ubsan --target unit_tests
+cmake --build --preset asan-ubsan --target unit_tests fuzzers
 # Drives through the real programs, and every shipped scene driven twice, run in the release build; here they would take
 # minutes and show the same lines.
 ctest --preset asan-ubsan -j 2 -LE drive -E ShippedScenes --output-junit "$PWD/build/asan-ubsan/tests.xml"
@@ -66,18 +66,16 @@ cmake --build --preset tsan --target test_core_ring test_daemon_server test_daem
 ctest --preset tsan -L threads --output-junit "$PWD/build/tsan/tests.xml"
 
 say "fuzz: $fuzz_seconds s per parser"
-cmake --preset fuzz >/dev/null
-cmake --build --preset fuzz --target fuzzers
 /usr/bin/python3 -B tests/fuzz/make_seeds.py build/fuzz/corpus
 fuzz() {
   mkdir -p "build/fuzz/corpus/$1"
-  "build/fuzz/bin/$1" -max_total_time="$fuzz_seconds" -timeout=10 -rss_limit_mb=2048 -print_final_stats=0 -verbosity=0 \
+  "build/asan-ubsan/bin/$1" -max_total_time="$fuzz_seconds" -timeout=10 -rss_limit_mb=2048 -print_final_stats=0 -verbosity=0 \
     -artifact_prefix="build/fuzz/$1-" "build/fuzz/corpus/$1" >"build/fuzz/$1.log" 2>&1 && echo "$1" ||
     { tail -40 "build/fuzz/$1.log"; return 1; }
 }
 export -f fuzz
 export fuzz_seconds
-fuzzers=(build/fuzz/bin/fuzz_*)
+fuzzers=(build/asan-ubsan/bin/fuzz_*)
 printf '%s\n' "${fuzzers[@]##*/}" | xargs -n 1 -P "$(nproc)" bash -c 'fuzz "$0"'
 fuzzed=${#fuzzers[@]}
 
