@@ -62,6 +62,29 @@ void LocalGrid::roll_to(const Window& window) noexcept {
   window_ = window;
 }
 
+bool LocalGrid::lies_beside_edge(std::int64_t ix, std::int64_t iy) const noexcept {
+  for (std::int64_t y = iy - 1; y <= iy + 1; ++y) {
+    for (std::int64_t x = ix - 1; x <= ix + 1; ++x) {
+      const std::size_t place = place_of(x, y);
+      if ((x != ix || y != iy) && cells_[place].edge_seen && (occupied_bits_[place / 64] >> (place % 64) & 1) != 0) {
+        return true;
+      }
+    }
+  }
+  return false;
+}
+
+void LocalGrid::forget_tops_beside(std::int64_t ix, std::int64_t iy) noexcept {
+  for (std::int64_t y = iy - 1; y <= iy + 1; ++y) {
+    for (std::int64_t x = ix - 1; x <= ix + 1; ++x) {
+      const std::size_t place = place_of(x, y);
+      if (cells_[place].hit_count == 0 || cells_[place].edge_seen) continue;
+      cells_[place].hit_count = 0;
+      if (x != ix || y != iy) set_log_odds(place, 0);
+    }
+  }
+}
+
 void LocalGrid::hit(const BoundaryCell& cell, const Pose2& correction) noexcept {
   const Eigen::Vector2d p_odom = correction * (window_.origin_odom() + Eigen::Vector2d(cell.x_m, cell.y_m));
   const auto ix = static_cast<std::int64_t>(std::floor(p_odom.x() / window_.cell_m()));
@@ -71,9 +94,20 @@ void LocalGrid::hit(const BoundaryCell& cell, const Pose2& correction) noexcept 
   const std::size_t place = place_of(ix, iy);
   Cell& mean = cells_[place];
   if (mean.touched == sweep_) return;
+  if (cell.edge_seen) {
+    forget_tops_beside(ix, iy);
+    mean.edge_seen = true;
+  } else if (lies_beside_edge(ix, iy)) {
+    return;
+  }
   mean.touched = sweep_;
   set_log_odds(place, std::min(log_odds_[place] + static_cast<float>(config_.hit_log_odds),
                                static_cast<float>(config_.limit_log_odds)));
+  if (cell.edge_seen || !mean.edge_seen) average(mean, cell, p_odom, ix, iy);
+}
+
+void LocalGrid::average(Cell& mean, const BoundaryCell& cell, const Eigen::Vector2d& p_odom, std::int64_t ix,
+                        std::int64_t iy) const noexcept {
   mean.hit_count += 1;
   const float share =
       1.0F / static_cast<float>(std::min(mean.hit_count, static_cast<std::uint32_t>(config_.average_count)));
@@ -94,7 +128,10 @@ void LocalGrid::miss(std::size_t place) noexcept {
   set_log_odds(place, std::max(log_odds_[place] - static_cast<float>(config_.miss_log_odds),
                                -static_cast<float>(config_.limit_log_odds)));
   // Seen to be free: should a boundary come back, it is another one.
-  if (log_odds_[place] <= 0) cell.hit_count = 0;
+  if (log_odds_[place] <= 0) {
+    cell.hit_count = 0;
+    cell.edge_seen = false;
+  }
 }
 
 void LocalGrid::fuse(const VirtualScan& scan, const VirtualScanner& scanner, std::span<const std::uint8_t> seen,

@@ -36,7 +36,8 @@ enum class FreeSpace : std::uint8_t { where_seen, where_passed };
 /// The grid rolls with the vehicle by whole cells of a lattice fixed in the odom frame: no resampling, no blur. Each
 /// cell keeps the mean position of the boundary in it, so that lines are finer than cells. Free space clears what
 /// moved. Differs from the paper: a low cell is only cleared by a sweep that had returns in it, because rings lie
-/// metres apart behind the vehicle and would erase every kerb that was mapped well from nearby. No allocation.
+/// metres apart behind the vehicle and would erase every kerb that was mapped well from nearby; and beside a kerb's
+/// edge its top is no boundary: what was taken for one from afar, a cell too far out, is forgotten. No allocation.
 class LocalGrid {
  public:
   LocalGrid(const FuseConfig& config, const WindowConfig& window, FreeSpace free_space);
@@ -54,12 +55,17 @@ class LocalGrid {
     float ground_m = 0, height_m = 0;
     float m2_m2 = 0;  // mean squared distance from the mean position
     std::uint32_t hit_count = 0;
+    bool edge_seen = false;     // in one hit at least; positions from before are forgotten
     std::uint32_t touched = 0;  // number of the last sweep that changed the cell
   };
   void roll_to(const Window& window) noexcept;
   void clear_row(std::int64_t iy) noexcept;
   void clear_column(std::int64_t ix) noexcept;
   void hit(const BoundaryCell& cell, const Pose2& correction) noexcept;
+  void average(Cell& mean, const BoundaryCell& cell, const Eigen::Vector2d& p_odom, std::int64_t ix,
+               std::int64_t iy) const noexcept;
+  [[nodiscard]] bool lies_beside_edge(std::int64_t ix, std::int64_t iy) const noexcept;
+  void forget_tops_beside(std::int64_t ix, std::int64_t iy) noexcept;
   void miss(std::size_t place) noexcept;
   void set_log_odds(std::size_t place, float log_odds) noexcept;
   void report_cell(std::size_t place) noexcept;

@@ -13,9 +13,12 @@ namespace {
 constexpr std::size_t kSlices = 128;             // of a sweep: 0.8 ms each, 1 cm of driving at 13 m/s
 constexpr float kLowest_m = -5, kHighest_m = 8;  // heights that a street can have within the window
 constexpr std::int32_t kLowest_mm = -5000;
-// How far behind its face a kerb may show first where no ring lies on the face: about a cell. Measured: without it
+// How far behind its edge a kerb may show first where no ring lies on the edge: about a cell. Measured: without it
 // sparse scenes turn the car, because what shows far away lies farther out than what shows nearby.
-constexpr float kUnseenFace_m = 0.25F;
+constexpr float kUnseenEdge_m = 0.25F;
+// Returns lower than this share of the cell's height lie on the road: the top of a kerb that leans with the sidewalk,
+// or is noisy, does not reach down so far.
+constexpr float kRoadShare = 0.4F;
 constexpr float kOutside_m = 1e6;                                       // stands for no return
 constexpr std::int16_t kHighestReal_mm = 10'000;                        // a height, with the rise that a slope explains
 constexpr std::int16_t kNoLowest_mm = 16'000, kNoHighest_mm = -16'000;  // a sum of two fits 16 bits
@@ -239,6 +242,7 @@ void Segmenter::find_obstacles() noexcept {
     if (highest_mm_[i] <= std::min(lowest_nearby_mm(at) + step, street + structure)) continue;
     if (obstacles_.size() == obstacles_.capacity()) continue;
     const float road_m = road_height_m(at), street_m = m_from_mm(static_cast<float>(street));
+    const float lowest_m = m_from_mm(lowest_mm_[i]), highest_m = m_from_mm(highest_mm_[i]);
     obstacle_of_[cell] = static_cast<std::int32_t>(obstacles_.size());
     obstacle_bits_[cell / 64] |= std::uint64_t{1} << (cell % 64);
     obstacles_.push_back(
@@ -247,7 +251,7 @@ void Segmenter::find_obstacles() noexcept {
          .step_m = road_m + static_cast<float>(config_.step_m),
          .structure_m = street_m + static_cast<float>(config_.structure_step_m),
          .limit_m = street_m + static_cast<float>(config_.span_m),
-         .face_seen = lowest_mm_[i] <= mm_from_m(road_m + config_.step_m) || highest_mm_[i] > street + structure,
+         .edge_seen = lowest_m - road_m <= kRoadShare * (highest_m - road_m) || highest_mm_[i] > street + structure,
          .boundary = {},
          .structure = {}});
   }
@@ -282,18 +286,38 @@ void Segmenter::Moments::add(float x, float y) noexcept {
 BoundaryCell Segmenter::cell_of(const Obstacle& obstacle, const Moments& moments) noexcept {
   const auto n = static_cast<float>(moments.count);
   const float x = moments.x_m / n, y = moments.y_m / n;
-  const float unseen_m = obstacle.face_seen ? 0.0F : kUnseenFace_m;
+  const float unseen_m = obstacle.edge_seen ? 0.0F : kUnseenEdge_m;
   const float variance =
       unseen_m * unseen_m + std::max(0.0F, 0.5F * (moments.xx_m2 / n - x * x + moments.yy_m2 / n - y * y));
   const float road_m = std::min(obstacle.road_m, obstacle.top_m);
   return {obstacle.x0_m + x, obstacle.y0_m + y, road_m, obstacle.top_m - road_m, std::sqrt(variance), 1.0F,
-          moments.count};
+          moments.count,     obstacle.edge_seen};
+}
+
+bool Segmenter::is_boundary(const Obstacle& obstacle) const noexcept {
+  const std::uint32_t count = obstacle.boundary.count;
+  if (count >= static_cast<std::uint32_t>(config_.return_count)) return true;
+  return count > 0 && obstacle.edge_seen && has_boundary_beside(obstacle.cell);
+}
+
+/// Enough returns for a boundary, in one of the eight cells around.
+bool Segmenter::has_boundary_beside(int cell) const noexcept {
+  const int size = window_.size(), column = cell % size, row = cell / size;
+  for (int r = std::max(row - 1, 0); r <= std::min(row + 1, size - 1); ++r) {
+    for (int c = std::max(column - 1, 0); c <= std::min(column + 1, size - 1); ++c) {
+      const auto beside = static_cast<std::size_t>(window_.index(c, r));
+      if ((obstacle_bits_[beside / 64] >> (beside % 64) & 1) == 0) continue;
+      const Obstacle& other = obstacles_[static_cast<std::size_t>(obstacle_of_[beside])];
+      if (other.boundary.count >= static_cast<std::uint32_t>(config_.return_count)) return true;
+    }
+  }
+  return false;
 }
 
 void Segmenter::report() noexcept {
   const auto enough = static_cast<std::uint32_t>(config_.return_count);
   for (const Obstacle& obstacle : obstacles_) {
-    if (obstacle.boundary.count >= enough) result_.boundary.add(obstacle.cell, cell_of(obstacle, obstacle.boundary));
+    if (is_boundary(obstacle)) result_.boundary.add(obstacle.cell, cell_of(obstacle, obstacle.boundary));
     if (obstacle.structure.count >= enough) result_.structure.add(obstacle.cell, cell_of(obstacle, obstacle.structure));
   }
 }

@@ -62,7 +62,9 @@ struct Segmentation {
 /// lowest returns nearby; a return between step_m and span_m above it belongs to a boundary. Differs from the paper:
 /// "nearby" is a square metre centred on the cell instead of a fixed coarser cell, because a kerb on a coarse cell's
 /// rim leaves no step inside any cell; and it leans with the steepest slope allowed, so that a hill is not a step.
-/// Cost: two passes over the returns, one over the cells touched. No allocation.
+/// Far away a ring leaves one return on the kerb's edge and its others on the sidewalk: that one return makes a
+/// boundary when there is more beside it, or the kerb would lie a cell too far out; cells of sidewalk alone are marked
+/// as such. Cost: two passes over the returns, one over the cells touched. No allocation.
 class Segmenter {
  public:
   Segmenter(const SegmentConfig& config, const WindowConfig& window, const LidarMounting& mounting,
@@ -94,7 +96,7 @@ class Segmenter {
     std::int32_t cell = 0;
     float road_m = 0;
     float step_m = 0, structure_m = 0, limit_m = 0;  // heights: from step_m or structure_m up to limit_m is an obstacle
-    bool face_seen = false;    // false: only what lies on top of it, up to a ring's distance behind its face
+    bool edge_seen = false;                          // road and obstacle meet in the cell
     float x0_m = 0, y0_m = 0;  // first return: sums relative to it, floats would not hold squares of whole coordinates
     float top_m = -100;
     Moments boundary, structure;
@@ -111,6 +113,8 @@ class Segmenter {
   void tally_obstacles() noexcept;
   void report() noexcept;
   [[nodiscard]] static BoundaryCell cell_of(const Obstacle& obstacle, const Moments& moments) noexcept;
+  [[nodiscard]] bool is_boundary(const Obstacle& obstacle) const noexcept;
+  [[nodiscard]] bool has_boundary_beside(int cell) const noexcept;
   [[nodiscard]] std::int16_t lowest_nearby_mm(Place place) const noexcept;
   [[nodiscard]] float road_height_m(Place place) const noexcept;
   /// In lowest_mm_ and highest_mm_, whose rim of kReach cells is always empty.

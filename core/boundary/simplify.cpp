@@ -22,6 +22,13 @@ Farthest farthest_between(std::span<const Vertex> line, std::uint32_t first, std
 
 }  // namespace
 
+Simplifier::Simplifier(const SimplifyConfig& config) : config_(config) {
+  constexpr std::size_t kVertices = 7200;  // a ray each
+  open_.reserve(kVertices);
+  kept_.reserve(kVertices);
+  simplified_.reserve(kVertices, kVertices / 2);
+}
+
 const std::vector<std::uint32_t>& Simplifier::kept(std::span<const Vertex> line) {
   kept_.clear();
   if (line.empty()) return kept_;

@@ -22,7 +22,7 @@ void visit_fields(SimplifyConfig& c, Visitor&& field) {
 /// frame. O(n log n) usual, O(n^2) worst. Buffers are reused: no allocation once warm.
 class Simplifier {
  public:
-  explicit Simplifier(const SimplifyConfig& config) : config_(config) {}
+  explicit Simplifier(const SimplifyConfig& config);
   /// Every line of `lines`; attributes stay. Valid until the next call.
   const LineSet& run_all(const LineSet& lines);
   /// Indices of the vertices that stay, ascending. Valid until the next call.

@@ -11,9 +11,17 @@ namespace {
 constexpr double kOcclusionStep_m = 0.5;  // nearer by more than this: what is nearer hides what follows
 constexpr float kCellSigma_m = 0.06F;     // of a single return in a cell of 0.2 m: its edge over the root of twelve
 
+constexpr std::size_t kMostRays = 7200;  // virtual_scan.ray_count
+
 double distance_m(const BoundaryCell& a, const BoundaryCell& b) { return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m); }
 
 }  // namespace
+
+Vectoriser::Vectoriser(const VectoriseConfig& config) : config_(config) {
+  hits_.reserve(kMostRays);
+  heights_m_.reserve(kMostRays);
+  lines_.reserve(kMostRays, kMostRays / 2);
+}
 
 /// Hits in order of their rays; rays that hit the same cell are one hit. Starts after a break, so that no line is cut
 /// by ray 0.

@@ -35,7 +35,7 @@ void visit_fields(VectoriseConfig& c, Visitor&& field) {
 /// and shrinks with flat incidence. O(rays). No allocation once warm.
 class Vectoriser {
  public:
-  explicit Vectoriser(const VectoriseConfig& config) : config_(config) {}
+  explicit Vectoriser(const VectoriseConfig& config);
   /// Lines in the frame that T_out_odom leads to, clockwise as seen from the scan's origin: the free side is on their
   /// right. Valid until the next call.
   const LineSet& run(const VirtualScan& scan, const Pose2& T_out_odom) noexcept;

@@ -61,6 +61,7 @@ struct BoundaryCell {
   float sigma_m = 0;        ///< spread of the positions measured
   float existence = 0;      ///< 0..1
   std::uint32_t count = 0;  ///< returns (one sweep) or sweeps (local grid)
+  bool edge_seen = true;    ///< false: only the top of something low, up to a ring's distance behind its face
 };
 
 /// Boundary cells of a window: a list, and for each cell of the window its place in that list, or -1. Whether there is

@@ -22,6 +22,8 @@ constexpr double kPairAgain_m = 0.01;
 // A foot this far beyond the end of a line is still on it: ends are uncertain by about a grid cell.
 constexpr double kEndSlack_m = 0.1;
 
+constexpr std::size_t kSampleReserve = 8192;  // 4 km of lines in one local map
+
 struct Rotation {
   double c, s;
   explicit Rotation(double angle_rad) : c(std::cos(angle_rad)), s(std::sin(angle_rad)) {}
@@ -55,7 +57,11 @@ Matcher::Matcher(const MatchConfig& config)
       min_cos_(std::cos(rad_from_deg(config.angle_gate_deg))),
       max_turn_rad_(rad_from_deg(config.max_turn_deg)),
       reference_(kIndexCell_m),
-      unregistered_(kIndexCell_m) {}
+      unregistered_(kIndexCell_m) {
+  samples_.reserve(kSampleReserve);
+  reference_nodes_.reserve(kSampleReserve);
+  pairs_.reserve(2 * kSampleReserve);
+}
 
 void Matcher::set_reference(const LineSet& reference) noexcept {
   reference_.build(reference);

@@ -11,6 +11,7 @@ namespace {
 // Bounds the grid's memory when lines lie far apart: beyond it the cells grow instead.
 constexpr double kMostCells = 1 << 16;
 constexpr double kShortestSegment_m = 1e-6;
+constexpr std::size_t kItemReserve = 8192;  // a local map has some hundred, a sweep's lines a thousand
 
 /// Cell number of a coordinate, -1 below the grid and cell_count above it. (A cast truncates; std::floor is a call.)
 int cell_of(double offset_m, double cells_per_m, int cell_count) {
@@ -18,6 +19,13 @@ int cell_of(double offset_m, double cells_per_m, int cell_count) {
 }
 
 }  // namespace
+
+SegmentIndex::SegmentIndex(double cell_m) : wanted_cell_m_(cell_m) {
+  items_.reserve(kItemReserve);
+  hot_.reserve(kItemReserve);
+  begin_.reserve(kItemReserve);
+  entries_.reserve(4 * kItemReserve);
+}
 
 void SegmentIndex::build(const LineSet& lines) noexcept {
   collect_items(lines);

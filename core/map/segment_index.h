@@ -43,7 +43,7 @@ class SegmentIndex {
     double distance2_m2 = 0;
   };
 
-  explicit SegmentIndex(double cell_m) : wanted_cell_m_(cell_m) {}
+  explicit SegmentIndex(double cell_m);
   void build(const LineSet& lines) noexcept;
   [[nodiscard]] std::optional<Hit> nearest(const Eigen::Vector2d& point, const Eigen::Vector2d& direction,
                                            const Gate& gate) const noexcept;

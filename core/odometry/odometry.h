@@ -14,7 +14,7 @@ namespace roadvec {
 struct OdometryConfig {
   double speed_noise_mps = 0.05;                ///< wheel slip and quantisation, per root second; choice
   double speed_scale_sigma = 0.02;              ///< tyre radius: 1-2 % between new and worn (choice)
-  double gyro_noise_radps = 0.0005;             ///< MEMS class, 0.03 deg/s, per root second (choice)
+  double gyro_noise_radps = 0.0002;             ///< 0.01 deg/s per root hertz [XsensMTi100]
   double gyro_bias_sigma_radps = 0.002;         ///< at start-up; 0.05-0.1 deg/s is usual for a MEMS gyro
   double steering_offset_sigma_rad = 0.01;      ///< at the road wheel; 0.5 deg: a usual misalignment
   double steering_yaw_rate_sigma_radps = 0.05;  ///< bicycle model against the truth, one sample
@@ -55,8 +55,9 @@ enum class MotionSource : std::uint8_t { none = 0, matching = 1, steering = 2, i
 /// the yaw rate from steering and the IMU's heading correct it, the match of step 6 corrects the pose.
 ///
 /// Differs from the paper: biases and scales are states, because a steering offset of 0.05 deg at the road wheel
-/// already bends a straight road by 0.4 deg per 20 m. Falls back openly: no IMU: steering drives; no CAN: the motion
-/// between the last two corrected poses drives. No allocation, lock or clock; a few hundred flops per sample.
+/// already bends a straight road by 0.4 deg per 20 m; an IMU that knows how it is tilted turns the rates and the speed
+/// of a hill into the plane. Falls back openly: no IMU: steering drives; no CAN: the motion between the last two
+/// corrected poses drives. No allocation, lock or clock; a few hundred flops per sample.
 class Odometry {
  public:
   static constexpr int kStates = 7;
@@ -79,7 +80,7 @@ class Odometry {
   [[nodiscard]] Pose2 pose() const noexcept { return {state_[kX], state_[kY], state_[kTheta]}; }
   [[nodiscard]] PoseCovariance pose_covariance() const noexcept { return covariance_.topLeftCorner<3, 3>(); }
   [[nodiscard]] SensorTime time() const noexcept { return time_; }
-  [[nodiscard]] double speed_mps() const noexcept { return speed_mps_ * (1 + state_[kScale]); }
+  [[nodiscard]] double speed_mps() const noexcept { return level_ * speed_mps_ * (1 + state_[kScale]); }
   [[nodiscard]] double yaw_rate_radps() const noexcept { return yaw_rate_radps_; }
   [[nodiscard]] double gyro_bias_radps() const noexcept { return state_[kBias]; }
   [[nodiscard]] double speed_scale() const noexcept { return state_[kScale]; }
@@ -120,6 +121,7 @@ class Odometry {
   bool started_ = false, still_ = false;
   std::optional<SensorTime> wheels_seen_, steering_seen_, gyro_seen_, heading_seen_, standing_since_;
   double speed_mps_ = 0, yaw_rate_radps_ = 0, gyro_radps_ = 0, road_wheel_rad_ = 0;
+  double level_ = 1;  ///< metres in the plane per metre driven: less than 1 on a hill
   MotionSource speed_source_ = MotionSource::none, yaw_source_ = MotionSource::none;
   SensorTime corrected_time_;
   std::optional<Pose2> corrected_pose_;

@@ -16,7 +16,8 @@ struct World {
   CellMap map{kWindow};
   std::vector<std::uint8_t> seen = std::vector<std::uint8_t>(kCells, 1);
 
-  const VirtualScan& look(const Eigen::Vector2d& eye, const std::vector<Eigen::Vector2d>& points) {
+  const VirtualScan& look(const Eigen::Vector2d& eye, const std::vector<Eigen::Vector2d>& points,
+                          bool edge_seen = true) {
     Window window(kWindow);
     window.centre_on(eye);
     map.restart(window);
@@ -24,7 +25,7 @@ struct World {
       const Eigen::Vector2d q = p - window.origin_odom();
       const int column = static_cast<int>(q.x() / 0.2), row = static_cast<int>(q.y() / 0.2);
       map.add(window.index(column, row),
-              {static_cast<float>(q.x()), static_cast<float>(q.y()), 0.0F, 0.12F, 0.01F, 1.0F, 5});
+              {static_cast<float>(q.x()), static_cast<float>(q.y()), 0.0F, 0.12F, 0.01F, 1.0F, 5, edge_seen});
     }
     return scanner.run(map, eye);
   }
@@ -84,6 +85,32 @@ TEST(LocalGrid, a_kerb_that_no_ring_reaches_is_not_cleared) {
   }
   EXPECT_EQ(positions(kerbs).size(), 1U);
   EXPECT_TRUE(positions(structure).empty());
+}
+
+TEST(LocalGrid, beside_a_kerbs_edge_its_top_is_no_boundary) {
+  World world;
+  LocalGrid grid({}, kWindow, FreeSpace::where_seen);
+  const Eigen::Vector2d edge(5.1, 3.1), top(5.1, 3.3);
+  const auto only = [&](const Eigen::Vector2d& p) {
+    return positions(grid).size() == 1 && (positions(grid)[0] - p).norm() < 1e-5;
+  };
+  for (int i = 0; i < 3; ++i) grid.fuse(world.look({0, 0}, {top}, false), world.scanner, world.seen, {});
+  EXPECT_TRUE(only(top));
+  for (int i = 0; i < 5; ++i) grid.fuse(world.look({0, 0}, {edge}), world.scanner, world.seen, {});
+  EXPECT_TRUE(only(edge));
+  for (int i = 0; i < 9; ++i) grid.fuse(world.look({5.1, 6}, {top}, false), world.scanner, world.seen, {});
+  EXPECT_TRUE(only(edge));
+}
+
+TEST(LocalGrid, a_position_is_that_of_the_edge_once_it_was_seen) {
+  World world;
+  LocalGrid grid({}, kWindow, FreeSpace::where_seen);
+  const Eigen::Vector2d edge(5.1, 3.05), top(5.1, 3.15);  // one cell
+  for (const bool edge_seen : {false, false, true, false, true, false}) {
+    grid.fuse(world.look({0, 0}, {edge_seen ? edge : top}, edge_seen), world.scanner, world.seen, {});
+  }
+  ASSERT_EQ(positions(grid).size(), 1U);
+  EXPECT_LT((positions(grid)[0] - edge).norm(), 1e-5);
 }
 
 TEST(LocalGrid, rolls_without_moving_anything_and_forgets_what_left) {

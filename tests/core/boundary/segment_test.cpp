@@ -47,6 +47,20 @@ TEST(Segmenter, finds_both_kerbs_and_nothing_on_the_road) {
       60U);
 }
 
+TEST(Segmenter, far_kerbs_show_their_edge_and_say_where_they_do_not) {
+  Fixture f;
+  const Segmentation& seen = f.see({.noise_m = 0.01});
+  const auto far = [](const auto& p) {
+    return std::abs(p.x()) > 8 && std::abs(p.x()) < 25 && p.y() > 3.5 && p.y() < 7;
+  };
+  const auto with_edge = [&](const auto& p, const BoundaryCell& cell) { return far(p) && cell.edge_seen; };
+  const auto top_alone = [&](const auto& p, const BoundaryCell& cell) { return far(p) && !cell.edge_seen; };
+  EXPECT_GT(count_if(seen.boundary, with_edge), 10U);
+  EXPECT_GT(count_if(seen.boundary, top_alone), 10U);
+  EXPECT_EQ(count_if(seen.boundary, [&](const auto& p, const auto& c) { return with_edge(p, c) && p.y() > 4.3; }), 0U);
+  EXPECT_EQ(count_if(seen.boundary, [&](const auto& p, const auto& c) { return top_alone(p, c) && p.y() < 3.9; }), 0U);
+}
+
 TEST(Segmenter, measures_the_kerbs_height) {
   Fixture f;
   const Segmentation& seen = f.see({.kerb_m = 0.15});

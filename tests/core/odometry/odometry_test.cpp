@@ -106,6 +106,43 @@ TEST(Odometry, finds_bias_scale_and_offset_from_matches) {
   EXPECT_NEAR(odometry.steering_offset_rad(), 0.004, 0.002);
 }
 
+TEST(Odometry, matches_from_one_place_are_worth_little_more_than_one) {
+  // Five sweeps tell the same lie of half a degree.
+  const auto heading_after = [](double speed_mps) {
+    const Drive drive{.speed_mps = speed_mps};
+    Odometry odometry({}, kCar);
+    const Eigen::Matrix3d information = Eigen::Vector3d(1e2, 1e2, 1e4).asDiagonal();
+    for (int i = 0; i < 5; ++i) {
+      odometry.integrate(drive.samples(0.1 * i, 0.1 * (i + 1)), at_s(0.1 * i), at_s(0.1 * (i + 1)));
+      const Pose2 now = odometry.pose();
+      odometry.correct(Pose2{now.x_m, now.y_m, rad_from_deg(0.5)}, information);
+    }
+    return deg_from_rad(odometry.pose().theta_rad);
+  };
+  EXPECT_LT(heading_after(0.5), 0.6 * heading_after(10));
+}
+
+TEST(Odometry, turns_the_rates_of_a_tilted_car_into_the_plane) {
+  constexpr double kPitch_rad = -0.2, kRoll_rad = 0.1, kYawRate_radps = 0.3;  // up a ramp, leaning
+  ImuSample imu;
+  imu.has_rate = imu.has_orientation = true;
+  imu.roll_rad = kRoll_rad;
+  imu.pitch_rad = kPitch_rad;
+  imu.rate_x_radps = -kYawRate_radps * std::sin(kPitch_rad);
+  imu.rate_y_radps = kYawRate_radps * std::cos(kPitch_rad) * std::sin(kRoll_rad);
+  imu.rate_z_radps = kYawRate_radps * std::cos(kPitch_rad) * std::cos(kRoll_rad);
+  std::vector<MotionSample> motion;
+  for (int i = 0; i <= 200; ++i) {
+    motion.push_back({at_s(0.01 * i), WheelSpeed{5, 5, 5, 5}});
+    imu.heading_rad = kYawRate_radps * 0.01 * i;
+    motion.push_back({at_s(0.01 * i), imu});
+  }
+  Odometry odometry({}, kCar);
+  odometry.integrate(motion, at_s(0), at_s(2));
+  EXPECT_NEAR(odometry.pose().theta_rad, 2 * kYawRate_radps, 0.001);
+  EXPECT_NEAR(odometry.speed_mps(), 5 * std::cos(kPitch_rad), 0.01);
+}
+
 TEST(Odometry, a_match_that_saw_one_direction_corrects_that_direction_alone) {
   Odometry odometry({}, kCar);
   const Drive drive;
