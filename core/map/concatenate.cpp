@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/base/square.h"
+#include "core/geometry/segment.h"
 
 namespace roadvec {
 namespace {
@@ -260,19 +261,21 @@ void Concatenator::connect(const DenseLine& incoming) {
       const LineId after = survivor_of(runs_[r].line);
       const bool end_to_end = leaves_at(before, End::last, incoming.vertices[runs_[r].first - 1]) &&
                               leaves_at(after, End::first, incoming.vertices[runs_[r].first]);
-      if (end_to_end) join(before, after);
+      if (end_to_end && meet(before, after)) join(before, after);
     }
   }
 }
 
 /// A stretch on no line: what follows the end of one, leads to the beginning of the next, both, or neither.
 void Concatenator::place_free_run(const DenseLine& incoming, const Run& run, LineId before, LineId after) {
-  const bool follows = before != 0 && leaves_at(before, End::last, incoming.vertices[run.first - 1]);
-  const bool leads = after != 0 && leaves_at(after, End::first, incoming.vertices[run.last + 1]);
+  const bool follows = before != 0 && leaves_at(before, End::last, incoming.vertices[run.first - 1]) &&
+                       goes_on(*lines_.find(before), End::last, incoming, run.first, run.last);
+  const bool leads = after != 0 && leaves_at(after, End::first, incoming.vertices[run.last + 1]) &&
+                     goes_on(*lines_.find(after), End::first, incoming, run.first, run.last);
   if (follows) {
     DenseLine& line = *lines_.find(before);
     extend(line, End::last, incoming, run.first, run.last);
-    if (leads && before != after) {
+    if (leads && before != after && meet(before, after)) {
       join(before, after);
     } else {
       line.last_end = run.last + 1 == incoming.vertices.size() ? incoming.last_end : EndKind::unseen;
@@ -286,19 +289,52 @@ void Concatenator::place_free_run(const DenseLine& incoming, const Run& run, Lin
   }
 }
 
-/// Adds the vertices [first, last] of `from` beyond an end of `line`, outwards; those not yet beyond it are left out.
+/// How many of the vertices [first, last] of `from`, outwards, still lie along `line` and not yet beyond its end.
+std::size_t Concatenator::count_along(const DenseLine& line, End end, const DenseLine& from, std::size_t first,
+                                      std::size_t last) const {
+  const bool forwards = end == End::last;
+  const auto from_tip = [&](std::size_t i) { return line.vertices[forwards ? line.vertices.size() - 1 - i : i].p; };
+  const Eigen::Vector2d along = line.direction_at(forwards ? line.end_position() - 1 : line.first_position);
+  const Eigen::Vector2d outwards = forwards ? along : Eigen::Vector2d(-along);
+  const auto is_along = [&](const Eigen::Vector2d& p, std::size_t reach) {
+    if ((p - from_tip(0)).dot(outwards) > 0.25 * config_.vertex_spacing_m) return false;
+    for (std::size_t i = 0; i + 1 < std::min(line.vertices.size(), reach); ++i) {
+      if (Segment{from_tip(i), from_tip(i + 1)}.distance2_m2(p) <= square(config_.gate_m)) return true;
+    }
+    return false;
+  };
+  const auto wandering = static_cast<std::size_t>(2 * config_.end_gate_m / config_.vertex_spacing_m);
+  std::size_t count = 0;
+  while (count <= last - first && is_along(from.vertices[forwards ? first + count : last - count].p, count + wandering))
+    ++count;
+  return count;
+}
+
+/// Whether the vertices [first, last] of `from` go on where `line` ends. Else they are another boundary, and a line to
+/// it would be drawn across what nobody saw.
+bool Concatenator::goes_on(const DenseLine& line, End end, const DenseLine& from, std::size_t first,
+                           std::size_t last) const {
+  const std::size_t along = count_along(line, end, from, first, last);
+  if (along > last - first) return true;
+  const bool forwards = end == End::last;
+  const DenseVertex& tip = forwards ? line.vertices.back() : line.vertices.front();
+  return (from.vertices[forwards ? first + along : last - along].p - tip.p).norm() <= config_.end_gate_m;
+}
+
+/// Whether the end of `first` and the beginning of `second` are one place.
+bool Concatenator::meet(LineId first, LineId second) const {
+  const DenseLine& line = lines_.all().at(std::min(first, second));
+  const DenseLine& other = lines_.all().at(std::max(first, second));
+  return goes_on(line, line.id == first ? End::last : End::first, other, 0, other.vertices.size() - 1);
+}
+
+/// Adds the vertices [first, last] of `from` to an end of `line`, outwards; those that still lie along it are left out.
 void Concatenator::extend(DenseLine& line, End end, const DenseLine& from, std::size_t first, std::size_t last) {
   const bool forwards = end == End::last;
-  bool beyond = false;
-  for (std::size_t k = 0; k <= last - first; ++k) {
+  for (std::size_t k = count_along(line, end, from, first, last); k <= last - first; ++k) {
     const DenseVertex& next = from.vertices[forwards ? first + k : last - k];
     const DenseVertex tip = forwards ? line.vertices.back() : line.vertices.front();
     const Eigen::Vector2d step = next.p - tip.p;
-    if (!beyond) {
-      const Eigen::Vector2d along = line.direction_at(forwards ? line.end_position() - 1 : line.first_position);
-      beyond = (forwards ? 1.0 : -1.0) * step.dot(along) > 0.25 * config_.vertex_spacing_m;
-      if (!beyond) continue;
-    }
     const double piece_count = std::max(1.0, std::ceil(step.norm() / config_.vertex_spacing_m));
     for (double piece = 1; piece <= piece_count; ++piece) {
       DenseVertex vertex = piece < piece_count ? between(tip, next, piece / piece_count) : next;

@@ -74,6 +74,11 @@ class Concatenator {
   void settle_ends(const DenseLine& incoming);
   void connect(const DenseLine& incoming);
   void place_free_run(const DenseLine& incoming, const Run& run, LineId before, LineId after);
+  [[nodiscard]] std::size_t count_along(const DenseLine& line, End end, const DenseLine& from, std::size_t first,
+                                        std::size_t last) const;
+  [[nodiscard]] bool goes_on(const DenseLine& line, End end, const DenseLine& from, std::size_t first,
+                             std::size_t last) const;
+  [[nodiscard]] bool meet(LineId first, LineId second) const;
   void extend(DenseLine& line, End end, const DenseLine& from, std::size_t first, std::size_t last);
   void start_line(const DenseLine& incoming, const Run& run);
   void join(LineId first, LineId second);

@@ -206,6 +206,28 @@ TEST(Concatenator, an_observation_that_bridges_two_lines_makes_them_one_and_says
   client.expect_equals(concatenator.map());
 }
 
+TEST(Concatenator, nothing_is_drawn_across_what_was_not_seen) {
+  // A kerb, and a wall that begins beside its end, leads back behind it and passes it 10 m away.
+  const World world{{{0, 4}, {20, 4}}, {{20, 5}, {8, 12}, {30, 14}}};
+  const World corner{{{12, 4}, {20, 4}, {20, 5}, {16, 22.0 / 3}}};
+  Concatenator concatenator{ConcatenateConfig{}};
+  std::mt19937_64 random(1);
+  MapChange change;
+  for (std::uint64_t k = 0; k < 6; ++k) {
+    const LineSet seen = worlds::seen_from(k % 2 == 0 ? world : corner, {}, {.range_m = 100}, random);
+    concatenator.add(k, at_s(static_cast<double>(k)), seen, {});
+  }
+  concatenator.publish(true, change);
+  ASSERT_EQ(concatenator.map().size(), 1U);
+  for (const auto& [id, line] : concatenator.map()) {
+    EXPECT_NEAR(length_m(line), 57.0, 1.0);
+    for (std::size_t i = 1; i < line.vertices.size(); ++i) {
+      const Eigen::Vector2d a = line.vertices[i - 1].position(), b = line.vertices[i].position();
+      for (double u = 0; u <= 1; u += 0.05) EXPECT_LT(distance_to_world_m(a + u * (b - a), world), 0.6);
+    }
+  }
+}
+
 TEST(Concatenator, lines_that_come_to_lie_on_each_other_become_one) {
   Concatenator concatenator{ConcatenateConfig{}};
   Client client;
