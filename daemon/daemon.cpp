@@ -33,7 +33,7 @@ MapHead first_head(InputKind kind) {
 
 }  // namespace
 
-Daemon::Daemon(const Settings& settings, InputKind kind, Service& service)
+Daemon::Daemon(const Settings& settings, InputKind kind, Service& service, const PassedSockets& sockets)
     : settings_(settings),
       kind_(kind),
       when_full_(kind == InputKind::recorded ? WhenFull::wait : WhenFull::refuse),
@@ -43,9 +43,9 @@ Daemon::Daemon(const Settings& settings, InputKind kind, Service& service)
       keyframes_(when_full_, optimiser_bell_),
       frames_(kFrameLogBytes),
       started_(std::chrono::steady_clock::now()) {
-  LidarInput lidar = or_throw(open_lidar(settings_.lidar, kind, lidar_counters_));
+  LidarInput lidar = or_throw(open_lidar(settings_.lidar, kind, lidar_counters_, sockets));
   if (!settings_.anchor) settings_.anchor = or_throw(anchor_from_gps(lidar, kind, service));
-  VehicleInput vehicle = or_throw(open_vehicle(settings_, kind));
+  VehicleInput vehicle = or_throw(open_vehicle(settings_, kind, sockets));
   imu_device_ = vehicle.imu_device;
   const MapHead head = first_head(kind);
   lidar_.emplace(std::move(lidar.source), lidar.model, lidar.calibration, lidar.options, lidar_counters_, sweeps_);
@@ -57,12 +57,13 @@ Daemon::Daemon(const Settings& settings, InputKind kind, Service& service)
   if (kind == InputKind::recorded) return;
   MapServerConfig server;
   server.socket_path = settings_.server.socket;
+  server.adopted_fd = sockets.map_fd;
   server.start = head;
   server.facts = {.server_version = ROADVEC_VERSION, .anchor = anchor_of(settings_)};
   server_.emplace(server, frames_, poses_, [this] { return status(); });
 }
 
-int Daemon::run(const std::filesystem::path& output) {
+int Daemon::run(const std::filesystem::path& output, const std::function<void()>& reload) {
   if (kind_ == InputKind::live && settings_.real_time.lock_memory && !lock_memory()) {
     spdlog::warn(
         "memory is not locked: raise LimitMEMLOCK (systemd) or ulimit -l, or set real_time.lock_memory = false");
@@ -70,7 +71,7 @@ int Daemon::run(const std::filesystem::path& output) {
   if (!lidar_->warning().empty()) spdlog::warn("{}", lidar_->warning());
   start_threads();
   Service::ready();
-  supervise();
+  supervise(reload);
   Service::stopping();
   input_stop_.request_stop();
   for (std::jthread& thread : threads_) {
@@ -127,7 +128,7 @@ void Daemon::start_threads() {
   });
 }
 
-void Daemon::supervise() {
+void Daemon::supervise(const std::function<void()>& reload) {
   const auto turn = kind_ == InputKind::live ? kSupervision : kProgress;
   while (!map_finished_) {
     const std::optional<int> signal = service_.wait_for_signal(turn);
@@ -135,8 +136,11 @@ void Daemon::supervise() {
     log_progress();
     if (every_stage_moved()) service_.feed_watchdog();
     warn_of_senders();
-    if (signal == SIGHUP)
-      spdlog::warn("SIGHUP: this version reads its configuration at start only; restart to apply changes");
+    if (signal == SIGHUP) {
+      Service::reloading();
+      reload();
+      Service::ready();
+    }
     if (signal == SIGINT || signal == SIGTERM) {
       spdlog::info("asked to stop: mapping what was received, then writing the map");
       return;

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -30,16 +31,17 @@ namespace roadvec {
 class Daemon {
  public:
   /// Opens every input and socket and reserves all memory; throws std::runtime_error with one line and the remedy.
-  Daemon(const Settings& settings, InputKind kind, Service& service);
+  Daemon(const Settings& settings, InputKind kind, Service& service, const PassedSockets& sockets);
 
-  /// Until the recording is over or SIGINT or SIGTERM comes. Then writes the map to `output`. Gives the exit status.
-  int run(const std::filesystem::path& output);
+  /// Until the recording is over or SIGINT or SIGTERM comes; SIGHUP calls `reload`. Then writes the map to `output`.
+  /// Gives the exit status.
+  int run(const std::filesystem::path& output, const std::function<void()>& reload);
 
   [[nodiscard]] wire::Status status() const;
 
  private:
   void start_threads();
-  void supervise();
+  void supervise(const std::function<void()>& reload);
   void take_reports();
   void warn_of_senders();
   void log_progress();

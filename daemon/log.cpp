@@ -42,4 +42,6 @@ void set_up_log(const LogSettings& settings) {
   spdlog::set_default_logger(std::move(logger));
 }
 
+void set_log_level(LogLevel level) { spdlog::set_level(level_of(level)); }
+
 }  // namespace roadvec

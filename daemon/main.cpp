@@ -11,6 +11,7 @@
 #include "daemon/config/load.h"
 #include "daemon/daemon.h"
 #include "daemon/log.h"
+#include "daemon/reload.h"
 #include "daemon/results.h"
 
 namespace {
@@ -20,26 +21,41 @@ using namespace roadvec;
 constexpr int kExitFailure = 1, kExitUsage = 2, kExitConfig = 78;  // EX_CONFIG: systemd does not try again
 
 constexpr const char* kFooter = R"(
-In the car, roadvecd reads the LiDAR's UDP packets, the CAN bus and the IMU as
-its configuration says, serves the growing map on a UNIX socket, and writes the
-map when SIGTERM or SIGINT asks it to end.
+IN THE CAR
+  roadvecd reads the LiDAR's UDP packets, the CAN bus and the IMU as its
+  configuration says, serves the growing map on a UNIX socket, and writes the
+  map when SIGTERM or SIGINT asks it to end. SIGHUP reads the configuration
+  again: log.level changes at once, other keys are named and wait for a restart,
+  and a wrong file changes nothing. UDP ports and the map's socket are taken over
+  where systemd hands them over (roadvec-lidar.socket, roadvec-map.socket), and
+  opened where not.
 
-With --drive it maps a recorded drive as fast as it can, writes
-  map.geojson      the boundaries, WGS 84 (RFC 7946)
-  map.svg          a picture of them, with the path driven
-  trajectory.tum   the optimised path: t x y z qx qy qz qw, map frame
-  report.json      counters, time per step (p50, p99, max), figures of the map
-into the --out directory and exits. The same drive gives the same map, to the
-byte.
+RECORDED DRIVES
+  With --drive it maps a recorded drive as fast as it can, writes
+    map.geojson      the boundaries, WGS 84 (RFC 7946)
+    map.svg          a picture of them, with the path driven
+    trajectory.tum   the optimised path: t x y z qx qy qz qw, map frame
+    report.json      counters, time per step (p50, p99, max), figures of the map
+  into the --out directory and exits. The same drive gives the same map, to the
+  byte.
 
-Exit status: 0 done; 1 failure (input missing or damaged, port or socket in use,
-nothing could be written); 2 wrong usage; 78 wrong configuration.
+EXIT STATUS
+  0   done
+  1   failure: input missing or damaged, port or socket in use, nothing could be
+      written
+  2   wrong usage
+  78  wrong configuration
 
-Examples:
+EXAMPLES
   roadvecd --drive drives/town --out town-map
   roadvecd --config /etc/roadvec/roadvecd.toml
   roadvecd --config my-car.toml --check-config
-  roadvecd --print-config > roadvecd.toml)";
+  roadvecd --print-config > roadvecd.toml
+
+FILES
+  /etc/roadvec/roadvecd.toml   the configuration
+  /run/roadvec/map.sock        the map's socket; members of the group roadvec may connect
+  /var/lib/roadvec             the map)";
 
 struct Arguments {
   std::string config = "/etc/roadvec/roadvecd.toml", drive, out;
@@ -53,17 +69,33 @@ Expected<Settings> settings_of(const Arguments& arguments, bool config_given) {
   return load_drive(arguments.drive, overrides);
 }
 
-int run(const Arguments& arguments, const Settings& settings) {
+/// Whatever systemd hands over and no key names would fill up unread.
+void warn_of_unused(const Settings& settings, const PassedSockets& sockets) {
+  for (const auto& [port, fd] : sockets.udp_fds) {
+    const bool for_imu = settings.imu && settings.imu->protocol == ImuProtocol::ncom && port == settings.imu->port;
+    if (port == settings.lidar.port || port == settings.lidar.position_port || for_imu) continue;
+    spdlog::warn(
+        "systemd hands over UDP port {}, which no key of the configuration names: make ListenDatagram= of "
+        "roadvec-lidar.socket and lidar.port ({}) agree",
+        port, settings.lidar.port);
+  }
+}
+
+int run(const Arguments& arguments, const Settings& settings, const PassedSockets& sockets) {
   const InputKind kind = arguments.drive.empty() ? InputKind::live : InputKind::recorded;
   const std::filesystem::path output =
       arguments.out.empty() ? settings.storage.directory : std::filesystem::path(arguments.out);
   if (const Expected<void> ready = make_writable(output); !ready) throw std::runtime_error(ready.error().message);
   Service service;
-  Daemon daemon(settings, kind, service);
+  warn_of_unused(settings, sockets);
+  Daemon daemon(settings, kind, service, sockets);
   spdlog::info(
       "roadvecd {} started: {} {}", ROADVEC_VERSION, settings.lidar.model,
       kind == InputKind::live ? "on UDP port " + std::to_string(settings.lidar.port) : "from " + arguments.drive);
-  return daemon.run(output);
+  Reload reload(arguments.config, settings);
+  return daemon.run(output, [&] {
+    if (kind == InputKind::live) reload.run();
+  });
 }
 
 }  // namespace
@@ -98,6 +130,8 @@ int main(int argc, char** argv) {
     const Expected<Settings> settings = settings_of(arguments, config->count() > 0);
     if (!settings) {
       std::fprintf(stderr, "%s\n", settings.error().message.c_str());
+      Service::status("wrong configuration: " +
+                      settings.error().message.substr(0, settings.error().message.find('\n')));
       return kExitConfig;
     }
     if (arguments.check_config) {
@@ -105,7 +139,9 @@ int main(int argc, char** argv) {
       return 0;
     }
     set_up_log(settings->log);
-    return run(arguments, *settings);
+    const Expected<PassedSockets> sockets = take_passed_sockets();
+    if (!sockets) throw std::runtime_error(sockets.error().message);
+    return run(arguments, *settings, *sockets);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "roadvecd: %s\n", error.what());
     Service::status(error.what());

@@ -44,7 +44,7 @@ PacketClockOptions clock_options(const LidarSettings& settings) {
 }
 
 Expected<std::unique_ptr<PacketSource>> open_packets(const LidarSettings& settings, InputKind kind,
-                                                     LidarCounters& counters) {
+                                                     LidarCounters& counters, const PassedSockets& sockets) {
   const auto address = address_of(settings.source_address);
   if (!address) return tl::unexpected(address.error());
   if (kind == InputKind::recorded) {
@@ -57,9 +57,17 @@ Expected<std::unique_ptr<PacketSource>> open_packets(const LidarSettings& settin
   auto receiver = UdpReceiver::open({.port = settings.port,
                                      .position_port = settings.position_port,
                                      .source_ipv4 = *address,
-                                     .receive_buffer_bytes = settings.receive_buffer_bytes},
+                                     .receive_buffer_bytes = settings.receive_buffer_bytes,
+                                     .adopted_fd = sockets.udp_fd(settings.port),
+                                     .adopted_position_fd = sockets.udp_fd(settings.position_port)},
                                     counters);
   if (!receiver) return tl::unexpected(receiver.error());
+  if (const int granted = (*receiver)->receive_buffer_bytes(); granted < settings.receive_buffer_bytes) {
+    spdlog::warn(
+        "UDP port {}: a receive buffer of {} bytes, not {}: raise ReceiveBuffer= of roadvec-lidar.socket, or "
+        "net.core.rmem_max",
+        settings.port, granted, settings.receive_buffer_bytes);
+  }
   return std::unique_ptr<PacketSource>(std::move(*receiver));
 }
 
@@ -150,10 +158,10 @@ Expected<std::unique_ptr<MotionInput>> open_imu_on_can(const Settings& settings,
 }
 
 Expected<std::unique_ptr<ImuReader>> open_imu_reader(const ImuSettings& settings, InputKind kind,
-                                                     std::string& device_text) {
+                                                     const PassedSockets& sockets, std::string& device_text) {
   if (kind == InputKind::recorded) return open_imu_recording(settings.log.string());
   if (settings.protocol == ImuProtocol::ncom) {
-    auto reader = ImuUdpReader::open(settings.port);
+    auto reader = ImuUdpReader::open(settings.port, sockets.udp_fd(settings.port));
     if (!reader) return tl::unexpected(reader.error());
     return std::unique_ptr<ImuReader>(std::move(*reader));
   }
@@ -170,9 +178,9 @@ Expected<std::unique_ptr<ImuReader>> open_imu_reader(const ImuSettings& settings
 }
 
 Expected<std::unique_ptr<MotionInput>> open_imu_input(const ImuSettings& settings, InputKind kind,
-                                                      std::string& device_text) {
+                                                      const PassedSockets& sockets, std::string& device_text) {
   const Mounting mounting = mounting_of(settings);
-  auto reader = open_imu_reader(settings, kind, device_text);
+  auto reader = open_imu_reader(settings, kind, sockets, device_text);
   if (!reader) return tl::unexpected(reader.error());
   if (settings.protocol == ImuProtocol::ncom) {
     return std::unique_ptr<MotionInput>(std::make_unique<ImuInput<NcomDecoder>>(std::move(*reader), mounting));
@@ -182,12 +190,13 @@ Expected<std::unique_ptr<MotionInput>> open_imu_input(const ImuSettings& setting
 
 }  // namespace
 
-Expected<LidarInput> open_lidar(const LidarSettings& settings, InputKind kind, LidarCounters& counters) {
+Expected<LidarInput> open_lidar(const LidarSettings& settings, InputKind kind, LidarCounters& counters,
+                                const PassedSockets& sockets) {
   const auto model = lidar_model_from(settings.model);
   if (!model) return tl::unexpected(model.error());
   auto calibration = calibration_for(*model, settings.calibration);
   if (!calibration) return tl::unexpected(calibration.error());
-  auto source = open_packets(settings, kind, counters);
+  auto source = open_packets(settings, kind, counters, sockets);
   if (!source) return tl::unexpected(source.error());
   const Correction correction = settings.correction == LidarCorrection::manual ? Correction::manual : Correction::ros;
   SweepDecoderOptions options{.decode = {.correction = correction}, .clock = clock_options(settings), .assemble = {}};
@@ -195,7 +204,7 @@ Expected<LidarInput> open_lidar(const LidarSettings& settings, InputKind kind, L
   return LidarInput{*model, std::move(*calibration), options, std::move(*source)};
 }
 
-Expected<VehicleInput> open_vehicle(const Settings& settings, InputKind kind) {
+Expected<VehicleInput> open_vehicle(const Settings& settings, InputKind kind, const PassedSockets& sockets) {
   VehicleInput vehicle;
   if (settings.vehicle) {
     auto can = open_can_input(*settings.vehicle, kind);
@@ -203,8 +212,9 @@ Expected<VehicleInput> open_vehicle(const Settings& settings, InputKind kind) {
     vehicle.inputs.push_back(std::move(*can));
   }
   if (settings.imu) {
-    auto imu = settings.imu->protocol == ImuProtocol::can ? open_imu_on_can(settings, kind)
-                                                          : open_imu_input(*settings.imu, kind, vehicle.imu_device);
+    auto imu = settings.imu->protocol == ImuProtocol::can
+                   ? open_imu_on_can(settings, kind)
+                   : open_imu_input(*settings.imu, kind, sockets, vehicle.imu_device);
     if (!imu) return tl::unexpected(imu.error());
     vehicle.inputs.push_back(std::move(*imu));
   }

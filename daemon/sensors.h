@@ -7,6 +7,7 @@
 #include "core/base/error.h"
 #include "core/pipeline/front_end.h"
 #include "daemon/config/settings.h"
+#include "daemon/service.h"
 #include "daemon/stages/motion_input.h"
 #include "drivers/velodyne/calibration.h"
 #include "drivers/velodyne/counters.h"
@@ -24,15 +25,17 @@ struct LidarInput {
   SweepDecoderOptions options;
   std::unique_ptr<PacketSource> source;
 };
-/// Opens what [lidar] names. `counters` outlives the source.
-[[nodiscard]] Expected<LidarInput> open_lidar(const LidarSettings& settings, InputKind kind, LidarCounters& counters);
+/// Opens what [lidar] names; sockets that were handed over are taken for their ports. `counters` outlives the source.
+[[nodiscard]] Expected<LidarInput> open_lidar(const LidarSettings& settings, InputKind kind, LidarCounters& counters,
+                                              const PassedSockets& sockets = {});
 
 struct VehicleInput {
   std::vector<std::unique_ptr<MotionInput>> inputs;
   std::string imu_device;  ///< what it said of itself, if it was set up; else empty
 };
 /// The motion inputs of [vehicle] and [imu]. Lines of the DBC file that cannot be read are logged, the rest is used.
-[[nodiscard]] Expected<VehicleInput> open_vehicle(const Settings& settings, InputKind kind);
+[[nodiscard]] Expected<VehicleInput> open_vehicle(const Settings& settings, InputKind kind,
+                                                  const PassedSockets& sockets = {});
 
 [[nodiscard]] FrontEndSetup front_end_setup(const Settings& settings, LidarModel model);
 

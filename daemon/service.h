@@ -1,8 +1,11 @@
 #pragma once
 
 #include <chrono>
+#include <map>
 #include <optional>
 #include <string>
+
+#include "core/base/error.h"
 
 namespace roadvec {
 
@@ -16,6 +19,8 @@ class Service {
   /// Not ready yet, and still busy: systemd waits on.
   static void starting(const std::string& line);
   static void status(const std::string& line);
+  /// Reading the configuration again; ready() ends it.
+  static void reloading();
   static void stopping();
   /// Feeds the watchdog if the unit has one; call it only when every stage has moved.
   void feed_watchdog() const;
@@ -26,5 +31,15 @@ class Service {
  private:
   bool has_watchdog_ = false;
 };
+
+/// The sockets that systemd has opened for us (roadvec-*.socket), so that the service needs no right to open any
+/// itself. Who uses one owns it.
+struct PassedSockets {
+  int map_fd = -1;             ///< the UNIX socket with FileDescriptorName=map; -1: none
+  std::map<int, int> udp_fds;  ///< by port: the configuration names ports, so the units need no further names
+  [[nodiscard]] int udp_fd(int port) const;  ///< -1: none
+};
+/// Empty where there is no systemd. Called once: what is handed over is not found again.
+[[nodiscard]] Expected<PassedSockets> take_passed_sockets();
 
 }  // namespace roadvec

@@ -150,13 +150,27 @@ std::string config_text(const Settings& settings, ConfigContext context) {
   return tables_text(fields_of(shown), fields_of(defaults), context, false);
 }
 
+std::vector<KeyChange> changed_keys(const Settings& before, const Settings& after) {
+  Settings old_settings = before, new_settings = after;
+  std::vector<KeyChange> changes;
+  for (const Field& field : fields_of(old_settings)) changes.push_back({field.key, toml_value(field.target), ""});
+  for (const Field& field : fields_of(new_settings)) {
+    const auto same = [&](const KeyChange& change) { return change.key == field.key; };
+    auto found = std::find_if(changes.begin(), changes.end(), same);
+    if (found == changes.end()) found = changes.insert(found, {field.key, "", ""});
+    found->after = toml_value(field.target);
+  }
+  std::erase_if(changes, [](const KeyChange& change) { return change.before == change.after; });
+  return changes;
+}
+
 std::string default_config_text() {
   Settings defaults = all_tables();
   const std::vector<Field> fields = fields_of(defaults);
   return "# Configuration of roadvecd: every key there is, with its range, default and meaning. The ending of a key is "
          "its unit.\n"
          "# Keys marked NO DEFAULT show an example and must be set for your car; all others may be left out.\n"
-         "# Paths are relative to this file. Check with: roadvecd --check-config FILE\n" +
+         "# Paths are relative to this file. Check with: roadvecd --config FILE --check-config\n" +
          tables_text(fields, fields, ConfigContext::car, true);
 }
 

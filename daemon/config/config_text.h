@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "daemon/config/fields.h"
 
@@ -12,5 +13,11 @@ namespace roadvec {
 
 /// The text of config/roadvecd.toml: every key at its default; keys without one show an example and say so. It loads.
 [[nodiscard]] std::string default_config_text();
+
+/// A key whose value differs between two settings, each as the file would have it; empty: the table is not there.
+struct KeyChange {
+  std::string key, before, after;
+};
+[[nodiscard]] std::vector<KeyChange> changed_keys(const Settings& before, const Settings& after);
 
 }  // namespace roadvec

@@ -6,8 +6,8 @@
 
 namespace roadvec {
 
-Expected<std::unique_ptr<ImuUdpReader>> ImuUdpReader::open(int port) {
-  Expected<DatagramSocket> socket = DatagramSocket::open({.port = port});
+Expected<std::unique_ptr<ImuUdpReader>> ImuUdpReader::open(int port, int adopted_fd) {
+  Expected<DatagramSocket> socket = DatagramSocket::open({.port = port, .adopted_fd = adopted_fd});
   if (!socket) return fail("IMU: " + socket.error().message);
   return std::unique_ptr<ImuUdpReader>(new ImuUdpReader(std::move(*socket)));
 }

@@ -1,6 +1,7 @@
 #include "drivers/udp/datagram_socket.h"
 
 #include <arpa/inet.h>
+#include <linux/sock_diag.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -38,6 +39,11 @@ tl::unexpected<Error> fail_at_port(int port, const std::string& what) {
 
 Expected<int> bound_socket(int port) {
   Fd fd(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  if (fd.get() < 0 && errno == EAFNOSUPPORT) {
+    return fail_at_port(port,
+                        "this service may open no network socket; let systemd hand it over: ListenDatagram=0.0.0.0:" +
+                            std::to_string(port) + " in roadvec-lidar.socket");
+  }
   if (fd.get() < 0) return fail_at_port(port, std::string("cannot open a socket (") + std::strerror(errno) + ")");
   sockaddr_in address{};
   address.sin_family = AF_INET;
@@ -53,15 +59,35 @@ Expected<int> bound_socket(int port) {
   return fd.release();
 }
 
-/// Asks past the system's limit where that is allowed; the kernel doubles what it grants, so half is what was asked.
-int set_receive_buffer(int fd, int bytes) {
-  if (::setsockopt(fd, SOL_SOCKET, SO_RCVBUFFORCE, &bytes, sizeof bytes) != 0) {
-    ::setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes);
-  }
+/// The kernel doubles what it grants, so half is what was asked.
+int receive_buffer_of(int fd) {
   int granted = 0;
   socklen_t length = sizeof granted;
   ::getsockopt(fd, SOL_SOCKET, SO_RCVBUF, &granted, &length);
   return granted / 2;
+}
+
+/// Asks past the system's limit where that is allowed.
+int set_receive_buffer(int fd, int bytes, bool adopted) {
+  // One handed over was made larger than we may ask for ourselves: to ask would cut it down to net.core.rmem_max.
+  if (adopted && receive_buffer_of(fd) >= bytes) return receive_buffer_of(fd);
+  if (::setsockopt(fd, SOL_SOCKET, SO_RCVBUFFORCE, &bytes, sizeof bytes) != 0 && !adopted) {
+    ::setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes);
+  }
+  return receive_buffer_of(fd);
+}
+
+/// What the kernel has thrown away since the socket was made.
+std::uint32_t drop_total_of(int fd) {
+  std::array<std::uint32_t, SK_MEMINFO_VARS> figures{};
+  socklen_t length = sizeof figures;
+  return ::getsockopt(fd, SOL_SOCKET, SO_MEMINFO, figures.data(), &length) == 0 ? figures[SK_MEMINFO_DROPS] : 0;
+}
+
+std::int64_t now_ns() {
+  timespec now{};
+  ::clock_gettime(CLOCK_REALTIME, &now);  // the clock of the kernel's stamps
+  return static_cast<std::int64_t>(now.tv_sec) * 1'000'000'000 + now.tv_nsec;
 }
 
 int port_of(int fd) {
@@ -126,13 +152,15 @@ Expected<DatagramSocket> DatagramSocket::open(const DatagramSocketOptions& optio
     return fail_at_port(port_of(fd.get()),
                         std::string("no kernel stamps or drop count (") + std::strerror(errno) + ")");
   }
-  return DatagramSocket(fd.release(), options);
+  DatagramSocket opened(fd.release(), options);
+  if (options.adopted_fd >= 0) opened.forget_the_past();
+  return opened;
 }
 
 DatagramSocket::DatagramSocket(int fd, const DatagramSocketOptions& options)
     : fd_(fd),
       port_(port_of(fd)),
-      receive_buffer_bytes_(set_receive_buffer(fd, options.receive_buffer_bytes)),
+      receive_buffer_bytes_(set_receive_buffer(fd, options.receive_buffer_bytes, options.adopted_fd >= 0)),
       slots_(std::make_unique<Slots>(options.batch, options.most_bytes)) {}
 
 DatagramSocket::DatagramSocket(DatagramSocket&& other) noexcept
@@ -141,6 +169,7 @@ DatagramSocket::DatagramSocket(DatagramSocket&& other) noexcept
       receive_buffer_bytes_(other.receive_buffer_bytes_),
       drop_total_(other.drop_total_),
       drops_taken_(other.drops_taken_),
+      before_start_count_(other.before_start_count_),
       slots_(std::move(other.slots_)) {}
 
 DatagramSocket::~DatagramSocket() {
@@ -181,6 +210,19 @@ void DatagramSocket::read_controls(std::size_t slot) noexcept {
   datagram.length = message.msg_len;
   datagram.bytes = {slots_->bytes.data() + slot * slots_->most_bytes,
                     std::min<std::size_t>(message.msg_len, slots_->most_bytes)};
+}
+
+/// An adopted socket may have been filling for hours. Nobody kept the other sensors' data of that time, so its
+/// datagrams are of no use, and its drops are not ours.
+void DatagramSocket::forget_the_past() noexcept {
+  const std::uint32_t drop_total = drop_total_of(fd_);
+  const std::int64_t begin_ns = now_ns();
+  int error = 0;
+  for (auto queued = receive(error); !queued.empty(); queued = receive(error)) {
+    before_start_count_ += queued.size();
+    if (queued.back().arrived.ns > begin_ns) break;  // the sender does not pause for us
+  }
+  drop_total_ = drops_taken_ = drop_total;
 }
 
 std::uint32_t DatagramSocket::take_drops() noexcept {

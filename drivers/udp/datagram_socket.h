@@ -24,7 +24,8 @@ struct Datagram {
 struct DatagramSocketOptions {
   int port = 0;  ///< 0: any free one
   int receive_buffer_bytes = 1 << 20;
-  int adopted_fd = -1;  ///< a bound UDP socket to take over (systemd socket activation); then `port` is not used
+  /// A bound UDP socket to take over (systemd socket activation); then `port` is not used, and what lies in it is not.
+  int adopted_fd = -1;
   std::size_t most_bytes = 1500;  ///< of a datagram
   std::size_t batch = 16;         ///< datagrams of one system call
 };
@@ -45,6 +46,8 @@ class DatagramSocket {
   [[nodiscard]] int port() const { return port_; }
   /// What the kernel granted, in the unit it was asked in; less than asked: net.core.rmem_max is in the way.
   [[nodiscard]] int receive_buffer_bytes() const { return receive_buffer_bytes_; }
+  /// Datagrams that lay in an adopted socket: they came before we did.
+  [[nodiscard]] std::uint64_t before_start_count() const { return before_start_count_; }
   /// Datagrams the kernel threw away because the buffer was full, since the last call. It tells with the first one
   /// that it queues after them.
   [[nodiscard]] std::uint32_t take_drops() noexcept;
@@ -53,9 +56,11 @@ class DatagramSocket {
   struct Slots;
   DatagramSocket(int fd, const DatagramSocketOptions& options);
   void read_controls(std::size_t slot) noexcept;
+  void forget_the_past() noexcept;
 
   int fd_, port_, receive_buffer_bytes_;
   std::uint32_t drop_total_ = 0, drops_taken_ = 0;  ///< the kernel's own running count, which wraps
+  std::uint64_t before_start_count_ = 0;
   std::unique_ptr<Slots> slots_;
 };
 

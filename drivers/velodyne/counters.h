@@ -29,6 +29,7 @@ struct LidarCounterSet {
   T foreign_source{};    ///< datagrams from another sender than the configured one
   T fragments{};         ///< recordings: parts of datagrams that were split on the way; they are not put together
   T cut_short{};         ///< recordings: packets of which the capture kept the beginning alone (snap length)
+  T before_start{};      ///< data packets that lay in a socket handed over, from before we came: not used
   T kernel_drops{};      ///< datagrams the kernel threw away because the receive buffer was full
   T device_time_gaps{};  ///< packets missing by the sensor's own clock (estimate; includes kernel_drops and reordered)
   T reordered{};         ///< packets older than one already decoded, or the same again: dropped
@@ -55,6 +56,7 @@ void visit_counters(Set& counters, Visitor&& visit) {
   visit("foreign_source", counters.foreign_source);
   visit("fragments", counters.fragments);
   visit("cut_short", counters.cut_short);
+  visit("before_start", counters.before_start);
   visit("kernel_drops", counters.kernel_drops);
   visit("device_time_gaps", counters.device_time_gaps);
   visit("reordered", counters.reordered);
@@ -77,6 +79,7 @@ void visit_counters(Set& counters, Visitor&& visit) {
           .foreign_source = counters.foreign_source.value(),
           .fragments = counters.fragments.value(),
           .cut_short = counters.cut_short.value(),
+          .before_start = counters.before_start.value(),
           .kernel_drops = counters.kernel_drops.value(),
           .device_time_gaps = counters.device_time_gaps.value(),
           .reordered = counters.reordered.value(),

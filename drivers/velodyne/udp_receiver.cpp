@@ -16,11 +16,12 @@ Expected<std::unique_ptr<UdpReceiver>> UdpReceiver::open(const UdpReceiverOption
                                                         .most_bytes = kPacketBytes + 1,
                                                         .batch = kBatchPackets});
   if (!data) return tl::unexpected(data.error());
+  counters.before_start.add(data->before_start_count());
   std::optional<DatagramSocket> position;
   std::string warning;
   if (options.position_port != 0) {
     Expected<DatagramSocket> opened = DatagramSocket::open({.port = options.position_port,
-                                                            .adopted_fd = -1,
+                                                            .adopted_fd = options.adopted_position_fd,
                                                             .most_bytes = kPositionPacketBytes + 1,
                                                             .batch = kBatchPositions});
     if (opened)

@@ -21,7 +21,8 @@ struct UdpReceiverOptions {
   std::optional<std::uint32_t> source_ipv4{};
   /// 16 MB hold about 2.5 s of an HDL-64E: the kernel charges 2304 bytes for each packet (measured).
   int receive_buffer_bytes = 16 << 20;
-  int adopted_fd = -1;  ///< a bound UDP socket to take over (systemd socket activation); then `port` is not used
+  /// Bound UDP sockets to take over (systemd socket activation); then the port is not used. -1: none.
+  int adopted_fd = -1, adopted_position_fd = -1;
 };
 
 /// Reads the sensor's UDP packets from both ports, up to kBatchPackets in one system call. After open() nothing is

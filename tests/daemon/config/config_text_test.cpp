@@ -128,5 +128,24 @@ TEST(ConfigFields, are_sound) {
   }
 }
 
+TEST(ConfigText, changed_keys_are_named_with_what_they_were_and_are) {
+  Settings before, after;
+  before.vehicle.emplace();
+  after.imu.emplace();
+  before.log.level = LogLevel::debug;
+  after.lidar.port = 2400;
+  const std::vector<KeyChange> changes = changed_keys(before, after);
+  const auto change_of = [&](const std::string& key) {
+    const auto found = std::find_if(changes.begin(), changes.end(), [&](const KeyChange& c) { return c.key == key; });
+    return found == changes.end() ? "" : found->before + " -> " + found->after;
+  };
+  EXPECT_EQ(change_of("log.level"), "\"debug\" -> \"info\"");
+  EXPECT_EQ(change_of("lidar.port"), "2368 -> 2400");
+  EXPECT_EQ(change_of("vehicle.track_m"), "0.0 -> ");
+  EXPECT_EQ(change_of("imu.baud"), " -> 115200");
+  EXPECT_EQ(change_of("lidar.model"), "");
+  EXPECT_TRUE(changed_keys(after, after).empty());
+}
+
 }  // namespace
 }  // namespace roadvec

@@ -219,11 +219,25 @@ TEST(UdpReceiver, says_so_when_the_port_is_taken) {
                                                      HasSubstr("already in use"), HasSubstr("ss -lunp")));
 }
 
-TEST(UdpReceiver, takes_over_a_socket_that_is_already_bound) {
+/// A socket as systemd would hand it over.
+int bound_socket(int receive_buffer_bytes) {
   const int fd = ::socket(AF_INET, SOCK_DGRAM, 0);
   sockaddr_in address{};
   address.sin_family = AF_INET;
-  ASSERT_EQ(::bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  EXPECT_EQ(::bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  EXPECT_EQ(::setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &receive_buffer_bytes, sizeof receive_buffer_bytes), 0);
+  return fd;
+}
+
+int port_of(int fd) {
+  sockaddr_in address{};
+  socklen_t length = sizeof address;
+  EXPECT_EQ(::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &length), 0);
+  return ntohs(address.sin_port);
+}
+
+TEST(UdpReceiver, takes_over_a_socket_that_is_already_bound) {
+  const int fd = bound_socket(100'000);
   LidarCounters counters;
   const auto receiver = UdpReceiver::open({.adopted_fd = fd}, counters);
   ASSERT_TRUE(receiver);
@@ -232,6 +246,45 @@ TEST(UdpReceiver, takes_over_a_socket_that_is_already_bound) {
   sender.send(kPacketBytes);
   std::span<const RawPacket> batch;
   EXPECT_EQ((*receiver)->read(batch, 100ms), ReadResult::packets);
+}
+
+TEST(UdpReceiver, leaves_the_larger_buffer_of_a_socket_it_takes_over_as_it_is) {
+  LidarCounters counters;
+  const auto receiver =
+      UdpReceiver::open({.receive_buffer_bytes = 70'000, .adopted_fd = bound_socket(150'000)}, counters);
+  ASSERT_TRUE(receiver);
+  EXPECT_EQ((*receiver)->receive_buffer_bytes(), 150'000);
+}
+
+TEST(UdpReceiver, neither_takes_nor_counts_as_lost_what_came_before_it_took_over) {
+  const int fd = bound_socket(100'000);
+  Sender sender(port_of(fd));
+  for (int i = 0; i < 500; ++i) sender.send(kPacketBytes);  // more than the buffer holds
+  LidarCounters counters;
+  const auto receiver = UdpReceiver::open({.receive_buffer_bytes = 100'000, .adopted_fd = fd}, counters);
+  ASSERT_TRUE(receiver);
+  EXPECT_GT(counters.before_start.value(), 20U);
+  EXPECT_LT(counters.before_start.value(), 500U);
+  sender.send(kPacketBytes, 7);
+  std::span<const RawPacket> batch;
+  ASSERT_EQ((*receiver)->read(batch, 100ms), ReadResult::packets);
+  ASSERT_EQ(batch.size(), 1U);
+  EXPECT_EQ(batch[0].bytes[0], 7);
+  EXPECT_EQ(counters.received.value(), 1U);
+  EXPECT_EQ(counters.kernel_drops.value(), 0U);
+}
+
+TEST(UdpReceiver, takes_over_a_socket_for_position_packets) {
+  const int fd = bound_socket(100'000);
+  LidarCounters counters;
+  const auto receiver =
+      UdpReceiver::open({.port = 0, .position_port = port_of(fd), .adopted_position_fd = fd}, counters);
+  ASSERT_TRUE(receiver);
+  EXPECT_EQ((*receiver)->warning(), "");
+  Sender(port_of(fd)).send(kPositionPacketBytes);
+  std::span<const RawPacket> batch;
+  EXPECT_EQ((*receiver)->read(batch, 100ms), ReadResult::packets);
+  EXPECT_EQ(counters.position_packets.value(), 1U);
 }
 
 TEST(UdpReceiver, refuses_a_socket_that_is_not_udp) {
