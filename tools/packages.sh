@@ -1,22 +1,24 @@
 #!/usr/bin/env bash
-# Installs the Debian packages that roadvec needs and that are missing: tools/packages.sh build|demo|test|bench
+# Installs the Debian packages that roadvec needs and that are missing: tools/packages.sh build|package|demo|test|bench
 set -euo pipefail
 
 build=(g++ cmake ninja-build pkg-config libeigen3-dev libceres-dev libpcap-dev zlib1g-dev libzstd-dev libspdlog-dev
   libsystemd-dev libtomlplusplus-dev libcli11-dev libprotozero-dev libgeographiclib-dev libexpected-dev libpugixml-dev
   libyaml-dev libpolyclipping-dev nlohmann-json3-dev
   libgtest-dev libgmock-dev libbenchmark-dev)
+package=("${build[@]}" python3 protobuf-compiler dpkg-dev)
 demo=("${build[@]}" python3)
-test=("${build[@]}" python3 python3-protobuf protobuf-compiler clang-14 libclang-rt-14-dev clang-format-14 clang-tidy-14
-  xz-utils tar git user-mode-linux systemd kmod iproute2 can-utils)
+test=("${package[@]}" python3-protobuf clang-14 libclang-rt-14-dev clang-format-14 clang-tidy-14
+  xz-utils tar git user-mode-linux systemd kmod iproute2 can-utils mmdebstrap groff-base)
 bench=("${build[@]}" libpcl-dev xz-utils tar)
 
 case ${1:-} in
   build) wanted=("${build[@]}") ;;
+  package) wanted=("${package[@]}") ;;
   demo) wanted=("${demo[@]}") ;;
   test) wanted=("${test[@]}") ;;
   bench) wanted=("${bench[@]}") ;;
-  *) echo "usage: tools/packages.sh build|demo|test|bench" >&2; exit 2 ;;
+  *) echo "usage: tools/packages.sh build|package|demo|test|bench" >&2; exit 2 ;;
 esac
 
 missing=()
