@@ -6,4 +6,7 @@ if(NOT ROADVEC_FUZZ AND NOT ROADVEC_SANITIZE)
     sh -c "${CMAKE_RUNTIME_OUTPUT_DIRECTORY}/test_vm_can && exec python3 -B ${CMAKE_SOURCE_DIR}/tests/vm/can_test.py")
   set_tests_properties(vm.can PROPERTIES LABELS vm TIMEOUT 240 RUN_SERIAL ON FIXTURES_REQUIRED test_drive
     ENVIRONMENT "${test_environment}")
+  # The package from installing to purging, in a fresh machine; its root is made once (network), in a minute.
+  add_test(NAME vm.package COMMAND python3 -B ${CMAKE_SOURCE_DIR}/tests/vm/package_test.py)
+  set_tests_properties(vm.package PROPERTIES LABELS vm TIMEOUT 1200 RUN_SERIAL ON ENVIRONMENT "${test_environment}")
 endif()

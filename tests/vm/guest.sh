@@ -22,6 +22,7 @@ enter_overlay() {
 furnish() {
   cd /
   mount -t proc proc /proc
+  mount -t devtmpfs devtmpfs /dev
   mount -t sysfs sysfs /sys
   mount -t tmpfs -o mode=755 tmpfs /run
   mkdir -p "$job" /lib/modules
@@ -35,6 +36,7 @@ furnish() {
   rm -f /etc/fstab /.dockerenv  # the latter: systemd would take the guest for a container
   echo guest >/etc/hostname
   echo 0123456789abcdef0123456789abcdef >/etc/machine-id
+  (cd "$shared" && bash -e "$job/before_boot" >>"$job/out" 2>>"$job/err")
   exec /lib/systemd/systemd
 }
 
@@ -44,7 +46,7 @@ make_units() {
   mkdir -p "$1" "$1-generators" /etc/systemd/system.conf.d
   local unit masks=()
   for unit in /lib/systemd/system-generators/*; do masks+=("$1-generators/${unit##*/}"); done
-  for unit in /lib/systemd/system/{sysinit,local-fs,timers,paths,sockets}.target.wants/*; do
+  for unit in /lib/systemd/system/{sysinit,local-fs,timers,paths,sockets,multi-user}.target.wants/*; do
     case ${unit##*/} in
       systemd-journald* | systemd-tmpfiles-setup.service | dbus.socket) ;;
       *) masks+=("$1/${unit##*/}") ;;
@@ -56,7 +58,7 @@ make_units() {
   done
   for unit in "${masks[@]}"; do ln -sf /dev/null "$unit"; done
   printf '[Manager]\nDefaultEnvironment=GLIBC_TUNABLES=%s\n' "$GLIBC_TUNABLES" >/etc/systemd/system.conf.d/guest.conf
-  printf '[Unit]\nRequires=basic.target\nAfter=basic.target\nWants=guest.service\n' >"$1/default.target"
+  printf '[Unit]\nRequires=basic.target\nAfter=basic.target\nWants=guest.service multi-user.target\n' >"$1/default.target"
   printf '[Unit]\nAfter=basic.target\nSuccessAction=poweroff-force\nFailureAction=poweroff-force\n%s' \
     "[Service]"$'\n'"ExecStart=/bin/bash $0 run"$'\n' >"$1/guest.service"
   mkdir -p /etc/tmpfiles.d
