@@ -1,7 +1,6 @@
 """The manual pages say what the programs say: every option and command of every --help, and every key of the configuration."""
 
 import gzip
-import pathlib
 import re
 import subprocess
 import sys
