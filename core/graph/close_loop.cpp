@@ -8,11 +8,13 @@
 #include <set>
 
 #include "core/graph/residuals.h"
+#include "core/graph/twist.h"
 
 namespace roadvec {
 namespace {
 
 constexpr double kCell_m = 20.0;
+constexpr double kSamePlace_m = 1.5;        // choice: less than the way between two keyframes
 constexpr double kHeadingStart_rad = 0.09;  // 5 deg: half of what the matcher turns back from
 // Stands for "not observed" where an information matrix must be inverted: 100 m, 1 rad.
 const Eigen::Vector3d kNoInformation(1e-4, 1e-4, 1.0);
@@ -21,23 +23,6 @@ constexpr double kFullInformation = 1.0;  // weakest direction known to a metre 
 
 std::pair<int, int> cell_of(const Pose2& pose) {
   return {static_cast<int>(std::floor(pose.x_m / kCell_m)), static_cast<int>(std::floor(pose.y_m / kCell_m))};
-}
-
-/// Adjoint of SE(2): a small motion (x, y, theta) of the frame behind T, as a small motion of the frame before it.
-Eigen::Matrix3d adjoint(const Pose2& T) {
-  const double c = std::cos(T.theta_rad), s = std::sin(T.theta_rad);
-  Eigen::Matrix3d A;
-  A << c, -s, T.y_m, s, c, -T.x_m, 0, 0, 1;
-  return A;
-}
-
-/// From a small motion of the parent frame to (x, y, theta) of a pose at `t` in it: turning the parent moves t
-/// sideways.
-Eigen::Matrix3d coordinates_at(const Eigen::Vector2d& t) {
-  Eigen::Matrix3d M = Eigen::Matrix3d::Identity();
-  M(0, 2) = -t.y();
-  M(1, 2) = t.x();
-  return M;
 }
 
 PoseCovariance inverse_of(const Eigen::Matrix3d& information) {
@@ -71,8 +56,10 @@ const std::vector<PoseEdge>& LoopCloser::run(const PoseGraph& graph, std::span<c
   confirmed_.clear();
   const std::size_t newest = graph.poses_map.size() - 1;
   enter(graph, newest);
-  if (graph.travelled_m[newest] - last_attempt_m_ < config_.every_m) return confirmed_;
-  last_attempt_m_ = graph.travelled_m[newest];
+  const double here_m = graph.travelled_m[newest];
+  const bool is_sure = here_m - last_confirmed_m_ < 2 * config_.sure_every_m;
+  if (here_m - last_attempt_m_ < (is_sure ? config_.sure_every_m : config_.every_m)) return confirmed_;
+  last_attempt_m_ = here_m;
   ++report_.attempt_count;
   const std::optional<std::size_t> candidate = nearest_candidate(graph);
   if (!candidate) {
@@ -89,21 +76,32 @@ const std::vector<PoseEdge>& LoopCloser::run(const PoseGraph& graph, std::span<c
   return confirmed_;
 }
 
-void LoopCloser::poses_changed(const PoseGraph& graph) {
-  cells_.clear();
-  gathered_.clear();
-  for (std::size_t k = 0; k < graph.poses_map.size(); ++k) enter(graph, k);
+void LoopCloser::poses_changed(const PoseGraph& graph, std::size_t first) {
+  for (std::size_t k = first; k < cell_of_.size(); ++k) {
+    if (cell_of_[k]) std::erase(cells_.at(*cell_of_[k]), k);
+  }
+  gathered_.resize(first);
+  cell_of_.resize(first);
+  for (std::size_t k = first; k < graph.poses_map.size(); ++k) enter(graph, k);
   last_full_loop_.reset();
-  for (const LoopEdge& loop : graph.loops) {
-    const Eigen::LLT<Eigen::Matrix3d> more(loop.edge.information - kFullInformation * Eigen::Matrix3d::Identity());
-    if (loop.active && more.info() == Eigen::Success) last_full_loop_ = loop.edge;
+  for (auto loop = graph.loops.rbegin(); loop != graph.loops.rend() && !last_full_loop_; ++loop) {
+    const Eigen::LLT<Eigen::Matrix3d> more(loop->edge.information - kFullInformation * Eigen::Matrix3d::Identity());
+    if (loop->active && more.info() == Eigen::Success) last_full_loop_ = loop->edge;
   }
 }
 
 /// Covariances of odometry steps, written as small motions of the map frame, simply add up: the uncertainty between any
 /// two keyframes is a difference of two sums.
 void LoopCloser::enter(const PoseGraph& graph, std::size_t keyframe) {
-  cells_[cell_of(graph.poses_map[keyframe])].push_back(keyframe);
+  const Pose2& here = graph.poses_map[keyframe];
+  std::vector<std::size_t>& cell = cells_[cell_of(here)];
+  // A place that is known is not entered again: the search does not grow with the number of passes.
+  const bool is_known = std::ranges::any_of(cell, [&](std::size_t k) {
+    return (graph.poses_map[k].translation() - here.translation()).norm() < kSamePlace_m &&
+           graph.travelled_m[keyframe] - graph.travelled_m[k] >= config_.min_gap_m;
+  });
+  cell_of_.push_back(is_known ? std::nullopt : std::optional(cell_of(here)));
+  if (!is_known) cell.push_back(keyframe);
   if (keyframe == 0) {
     gathered_.assign(1, PoseCovariance::Zero());
     return;
@@ -134,7 +132,7 @@ PoseCovariance LoopCloser::relative_covariance(const PoseGraph& graph, std::size
   return M * twist * M.transpose();
 }
 
-std::optional<std::size_t> LoopCloser::nearest_candidate(const PoseGraph& graph) const {
+std::optional<std::size_t> LoopCloser::nearest_candidate(const PoseGraph& graph) {
   const std::size_t newest = graph.poses_map.size() - 1;
   const Pose2& here = graph.poses_map[newest];
   const auto [column, row] = cell_of(here);
@@ -145,6 +143,7 @@ std::optional<std::size_t> LoopCloser::nearest_candidate(const PoseGraph& graph)
     for (int y = row - reach; y <= row + reach; ++y) {
       const auto cell = cells_.find({x, y});
       if (cell == cells_.end()) continue;
+      report_.looked_at_count += cell->second.size();
       for (const std::size_t k : cell->second) {
         if (graph.travelled_m[newest] - graph.travelled_m[k] < config_.min_gap_m) continue;
         const double distance_m = (graph.poses_map[k].translation() - here.translation()).norm();
@@ -307,6 +306,7 @@ void LoopCloser::confirm(const PoseGraph& graph) {
     --report_.waiting_count;
     ++report_.accepted_count;
     confirmed_.push_back(p->edge);
+    last_confirmed_m_ = pending_.back().travelled_m;
   }
 }
 

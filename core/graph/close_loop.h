@@ -16,7 +16,8 @@ namespace roadvec {
 struct CloseLoopConfig {
   double min_gap_m = 50.0;  ///< choice: beyond the view of one keyframe, so that a place is left before it is revisited
   double every_m = 2.0;     ///< choice: bounds the work per metre
-  double radius_m = 10.0;   ///< choice: local maps 80 m long still overlap by more than half
+  double sure_every_m = 4.0;     ///< choice: neighbouring keyframes share most of their lines; more would repeat them
+  double radius_m = 10.0;        ///< choice: local maps 80 m long still overlap by more than half
   double max_radius_m = 40.0;    ///< choice: beyond it, half a local map, nothing can overlap
   double neighbourhood_m = 8.0;  ///< choice: closes the gaps of single local maps
   double start_spacing_m = 1.5;  ///< the matcher finds the way from 2 m off (match.first_gate_m)
@@ -35,6 +36,7 @@ template <class Visitor>
 void visit_fields(CloseLoopConfig& c, Visitor&& field) {
   field("close_loop.min_gap_m", c.min_gap_m, 1.0, 10000.0, "path driven since a place, before it can be a loop");
   field("close_loop.every_m", c.every_m, 0.0, 1000.0, "path driven between two attempts");
+  field("close_loop.sure_every_m", c.sure_every_m, 0.0, 1000.0, "the same, while loops are being accepted");
   field("close_loop.radius_m", c.radius_m, 1.0, 100.0, "distance of candidates when the pose is certain");
   field("close_loop.max_radius_m", c.max_radius_m, 1.0, 500.0, "greatest distance of candidates, however uncertain");
   field("close_loop.neighbourhood_m", c.neighbourhood_m, 0.0, 100.0,
@@ -60,6 +62,7 @@ void visit_fields(CloseLoopConfig& c, Visitor&& field) {
 /// What became of the attempts: each ends as exactly one of these. `waiting` becomes `accepted` when others agree.
 struct CloseLoopReport {
   std::uint64_t attempt_count = 0, no_candidate_count = 0;
+  std::uint64_t looked_at_count = 0;  ///< keyframes in the squares around, all attempts together
   std::uint64_t too_few_lines_count = 0, poor_overlap_count = 0, poor_fit_count = 0, diverged_count = 0;
   std::uint64_t ambiguous_count = 0, contradicts_odometry_count = 0;
   std::uint64_t waiting_count = 0, accepted_count = 0;
@@ -78,8 +81,8 @@ class LoopCloser {
 
   /// The loops that became certain with the newest keyframe. Valid until the next call.
   const std::vector<PoseEdge>& run(const PoseGraph& graph, std::span<const KeptKeyframe> keyframes);
-  /// The graph's poses moved.
-  void poses_changed(const PoseGraph& graph);
+  /// The graph's poses moved, from keyframe `first` on.
+  void poses_changed(const PoseGraph& graph, std::size_t first);
   [[nodiscard]] const CloseLoopReport& report() const { return report_; }
 
  private:
@@ -91,7 +94,7 @@ class LoopCloser {
   void enter(const PoseGraph& graph, std::size_t keyframe);
   [[nodiscard]] PoseCovariance chain_covariance(std::size_t from, std::size_t to) const;
   [[nodiscard]] PoseCovariance relative_covariance(const PoseGraph& graph, std::size_t from, std::size_t to) const;
-  [[nodiscard]] std::optional<std::size_t> nearest_candidate(const PoseGraph& graph) const;
+  [[nodiscard]] std::optional<std::size_t> nearest_candidate(const PoseGraph& graph);
   std::optional<PoseEdge> match_with(std::size_t candidate, const PoseGraph& graph,
                                      std::span<const KeptKeyframe> keyframes);
   void collect_reference(std::size_t candidate, const PoseGraph& graph, std::span<const KeptKeyframe> keyframes);
@@ -106,12 +109,13 @@ class LoopCloser {
   Matcher matcher_;
   LineSet reference_, unregistered_;
   std::map<std::pair<int, int>, std::vector<std::size_t>> cells_;  ///< keyframes by place
+  std::vector<std::optional<std::pair<int, int>>> cell_of_;        ///< of each keyframe; none: its place was known
   std::vector<PoseCovariance>
       gathered_;  ///< odometry's covariance since the first keyframe, as a twist of the map frame
   std::vector<Pending> pending_;
   std::vector<PoseEdge> confirmed_;
   std::optional<PoseEdge> last_full_loop_;  ///< newest in the poses that observed every direction
-  double last_attempt_m_ = -1e9;
+  double last_attempt_m_ = -1e9, last_confirmed_m_ = -1e9;
   CloseLoopReport report_;
 };
 

@@ -12,6 +12,9 @@ struct OptimiseConfig {
   int max_iterations = 20;         ///< usual: 4 to 8
   int max_rounds = 5;              ///< solves with a loop switched off between; choice
   double min_error_sigma = 1.0;    ///< choice: a loop that the poses already agree with brings no news
+  double node_spacing_m = 50.0;    ///< choice: what is neglected along it is some mm for a correction of 1 m
+  double window_m = 1000.0;        ///< choice: odometry drifts by some metres on it
+  double whole_m_per_node = 1.0;   ///< choice: a node costs some 0.1 ms, so at 20 m/s the whole takes 1 % of a core
   double rederive_shift_m = 0.05;  ///< choice: half of the goal for a boundary's error
   double rederive_every_m = 30.0;  ///< choice: loops come in rows; small corrections wait until this far from the last
   double rederive_now_m = 0.5;     ///< choice: the gate of concatenate; beyond it new lines would miss the old ones
@@ -26,6 +29,12 @@ void visit_fields(OptimiseConfig& c, Visitor&& field) {
   field("optimise.max_rounds", c.max_rounds, 1, 50, "solves of one call; between them the worst loop is switched off");
   field("optimise.min_error_sigma", c.min_error_sigma, 0.0, 100.0,
         "new loops nearer to the poses than this wait for others");
+  field("optimise.node_spacing_m", c.node_spacing_m, 1.0, 1000.0,
+        "keyframes without loops are solved for every so far; between them odometry decides");
+  field("optimise.window_m", c.window_m, 10.0, 100000.0,
+        "a loop moves the path since the loop before it, and so much of what lies before");
+  field("optimise.whole_m_per_node", c.whole_m_per_node, 0.0, 1000.0,
+        "the whole path is solved for when so much was driven, per node, since the last time");
   field("optimise.rederive_shift_m", c.rederive_shift_m, 0.0, 10.0,
         "the map is derived again when a pose moved farther");
   field("optimise.rederive_every_m", c.rederive_every_m, 0.0, 10000.0, "path between two derivations of the map");
@@ -36,21 +45,25 @@ void visit_fields(OptimiseConfig& c, Visitor&& field) {
 struct OptimiseReport {
   bool solved = false;
   int iteration_count = 0, round_count = 0;
-  std::size_t switched_off_count = 0;
+  std::size_t switched_off_count = 0;  ///< of all loops
+  std::size_t node_count = 0;          ///< poses solved for
   double initial_cost = 0, final_cost = 0;
 };
 
 /// Step 8, optimise: the poses that agree best with odometry and matching constraints [He2018, III-D], by Ceres.
 ///
-/// The first pose stays. Edges count with their full 3 x 3 information. After each solve the loop that contradicts the
-/// rest most is switched off when it is beyond loop_gate_sigma; every call starts with all loops on again, so a loop
-/// that was switched off returns when later ones confirm it. When a solve fails the poses stay as they were. One
-/// thread, limits in iterations and not in time: same graph, same bytes. Differs from the paper: Ceres instead of g2o;
-/// robust loss on loops, because one false loop destroys a map.
+/// Solved for are the keyframes where loops end, every node_spacing_m one between them, and the newest; the odometry
+/// between two of them counts as one edge, and its steps then take their shares of the correction by their covariances.
+/// Edges count with their full 3 x 3 information. After each solve the loop that contradicts the rest most is switched
+/// off when it is beyond loop_gate_sigma; every call starts with its loops on again, so a loop that was switched off
+/// returns when later ones confirm it. When a solve fails the poses stay as they were. One thread, limits in nodes and
+/// iterations and not in time: same graph, same bytes. Differs from the paper: Ceres instead of g2o; robust loss on
+/// loops, because one false loop destroys a map; the work depends on the loops and the way, not on the keyframes.
 class Optimiser {
  public:
   explicit Optimiser(const OptimiseConfig& config) : config_(config) {}
-  OptimiseReport run(PoseGraph& graph) const;
+  /// Keyframes before `first_free`, at least the first one, stay, and so do loops between them.
+  OptimiseReport run(PoseGraph& graph, std::size_t first_free = 1) const;
 
  private:
   OptimiseConfig config_;

@@ -59,6 +59,7 @@ void Concatenator::add(std::uint64_t keyframe, SensorTime time, const LineSet& l
                        const Pose2& T_map_vehicle) {
   keyframe_ = keyframe;
   time_ = time;
+  again_ = !withdrawn_.empty() && !withdrawn_.contains(keyframe);
   next_spare_id_ = prefix_of(keyframe, 0) | kFirstSpareId;
   std::set<LineId> touched_by_keyframe;
   const std::size_t line_count = std::min<std::size_t>(lvm_vehicle.lines().size(), kMostLines);
@@ -67,7 +68,12 @@ void Concatenator::add(std::uint64_t keyframe, SensorTime time, const LineSet& l
     if (incoming.vertices.size() < 2) continue;
     incoming.id = prefix_of(keyframe, l);
     touched_now_.clear();
-    merge_in(incoming, false);
+    if (again_) {
+      for (const DenseLine& part : stale_parts(incoming)) merge_in(part, false);
+    } else {
+      footprints_.note_keyframe(keyframe, incoming);
+      merge_in(incoming, false);
+    }
     remember_successors(incoming.id, touched_now_);
     touched_by_keyframe.insert(touched_now_.begin(), touched_now_.end());
   }
@@ -76,18 +82,10 @@ void Concatenator::add(std::uint64_t keyframe, SensorTime time, const LineSet& l
   touched_.insert(touched_now_.begin(), touched_now_.end());
 }
 
-void Concatenator::restart() {
-  lines_.clear();
-  absorbed_by_.clear();
-  successors_.clear();
-  touched_.clear();
-  restarted_ = true;
-}
-
 void Concatenator::publish(bool everything, MapChange& change) {
   std::set<LineId> ids = std::move(touched_);
   touched_.clear();
-  if (everything || restarted_) {
+  if (everything) {
     for (const auto& [id, line] : lines_.all()) ids.insert(id);
     for (const auto& [id, line] : publisher_.map()) ids.insert(id);
   }
@@ -102,7 +100,7 @@ void Concatenator::publish(bool everything, MapChange& change) {
     successors[id].assign(heirs.begin(), heirs.end());
   }
   publisher_.run(lines_, ids, successors, everything, change);
-  restarted_ = false;
+  successors_.clear();
 }
 
 DenseLine Concatenator::incoming_line(const LineSet& lvm, const LineSet::Line& line, const Pose2& T_map_vehicle) const {
@@ -203,6 +201,7 @@ void Concatenator::update_vertices(DenseLine& line, std::int32_t from, std::int3
   for (std::int32_t i = from; i <= to; ++i) {
     DenseVertex& vertex = line.at(i);
     if (vertex.last_keyframe == keyframe_ && !absorbing) continue;
+    if (again_ && !footprints_.is_stale(vertex.p)) continue;
     const Eigen::Vector2d direction = line.direction_at(i);
     const auto hit = incoming_index_.nearest(vertex.p, direction, gate);
     if (!hit || hit->overshoot_m > 0) continue;
@@ -234,7 +233,7 @@ void Concatenator::add_evidence(DenseLine& line, const DenseLine& incoming, doub
     line.observation_count = std::max(line.observation_count, incoming.observation_count);
     line.keyframe_count = std::max(line.keyframe_count, incoming.keyframe_count);
   }
-  if (absorbing || (line.keyframe_count > 0 && line.last_keyframe == incoming.last_keyframe)) return;
+  if (absorbing || (line.keyframe_count > 0 && line.last_keyframe >= incoming.last_keyframe)) return;
   line.observation_count += incoming.observation_count;
   line.keyframe_count += incoming.keyframe_count;
   line.last_keyframe = incoming.last_keyframe;
@@ -339,6 +338,7 @@ void Concatenator::extend(DenseLine& line, End end, const DenseLine& from, std::
     for (double piece = 1; piece <= piece_count; ++piece) {
       DenseVertex vertex = piece < piece_count ? between(tip, next, piece / piece_count) : next;
       vertex.is_published = false;
+      footprints_.note_line(line.id, vertex.p);
       if (forwards) {
         lines_.append(line, vertex);
       } else {
@@ -353,9 +353,13 @@ void Concatenator::start_line(const DenseLine& incoming, const Run& run) {
   LineId id = incoming.id;
   const LineId end = id % kPieces == 0 && id >= prefix_of(keyframe_, 0) ? id + kPieces : id + 1;
   while (id < end && lines_.find(id) != nullptr) ++id;
-  if (id == end) id = next_spare_id_++;
+  if (id == end) id = spare_id();
+  absorbed_by_.erase(id);
   DenseLine& line = lines_.create(id);
-  for (std::size_t i = run.first; i <= run.last; ++i) lines_.append(line, incoming.vertices[i]);
+  for (std::size_t i = run.first; i <= run.last; ++i) {
+    footprints_.note_line(id, incoming.vertices[i].p);
+    lines_.append(line, incoming.vertices[i]);
+  }
   const double whole_m = length_between_m(incoming.vertices, 0, incoming.vertices.size() - 1);
   add_evidence(line, incoming, length_between_m(incoming.vertices, run.first, run.last) / whole_m, false);
   line.first_end = run.first == 0 ? incoming.first_end : EndKind::unseen;
@@ -426,6 +430,7 @@ LineId Concatenator::duplicate_of(const DenseLine& line) const {
 /// When the map is derived again, a published line may not come about: the lines that its first observation now lies on
 /// take its place.
 void Concatenator::remember_successors(LineId prefix, const std::set<LineId>& touched) {
+  if (touched.empty()) return;
   const VectorMap& published = publisher_.map();
   for (auto it = published.lower_bound(prefix); it != published.end() && it->first < prefix + kPieces; ++it) {
     if (lines_.find(it->first) == nullptr) successors_[it->first].insert(touched.begin(), touched.end());

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/map/dense_lines.h"
+#include "core/map/footprints.h"
 #include "core/map/publish.h"
 #include "core/map/segment_index.h"
 #include "core/map/vector_map.h"
@@ -51,8 +52,15 @@ class Concatenator {
   explicit Concatenator(const ConcatenateConfig& config);
 
   void add(std::uint64_t keyframe, SensorTime time, const LineSet& lvm_vehicle, const Pose2& T_map_vehicle);
-  /// Forgets the geometry, not what was published: every keyframe is about to be added again from its new pose.
-  void restart();
+
+  /// Keyframes moved: withdraw() each of them from where it was added, forget() the geometry there (not what was
+  /// published), add() them and the keyframes that forget() names in ascending order, and end_withdrawal(). A keyframe
+  /// that moved is added as a new one; the others only where the geometry was forgotten. Costs what these keyframes
+  /// cost.
+  void withdraw(std::uint64_t keyframe, const LineSet& lvm_vehicle, const Pose2& T_map_vehicle);
+  [[nodiscard]] std::set<std::uint64_t> forget();
+  void end_withdrawal();
+
   /// Puts what changed since the last call into map() and `change`; `everything`: however little it changed.
   void publish(bool everything, MapChange& change);
   [[nodiscard]] const VectorMap& map() const { return publisher_.map(); }
@@ -65,6 +73,9 @@ class Concatenator {
   };
   [[nodiscard]] DenseLine incoming_line(const LineSet& lvm, const LineSet::Line& line,
                                         const Pose2& T_map_vehicle) const;
+  [[nodiscard]] std::vector<DenseLine> stale_parts(const DenseLine& incoming) const;
+  void cut(LineId id);
+  [[nodiscard]] LineId spare_id();
   void merge_in(const DenseLine& incoming, bool absorbing);
   void index_incoming(const DenseLine& incoming);
   void label(const DenseLine& incoming);
@@ -95,9 +106,11 @@ class Concatenator {
   std::map<LineId, LineId> absorbed_by_;           ///< of lines that became part of another
   std::map<LineId, std::set<LineId>> successors_;  ///< of published lines that did not come about again
   std::set<LineId> touched_;                       ///< since the last publish()
-  bool restarted_ = false;
+  Footprints footprints_;
+  std::set<std::uint64_t> withdrawn_;  ///< until end_withdrawal()
 
   std::uint64_t keyframe_ = 0;  ///< the one being added
+  bool again_ = false;          ///< it was added before, and did not move
   SensorTime time_;
   LineId next_spare_id_ = 0;
   std::set<LineId> touched_now_;

@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <utility>
 
 #include "core/base/ensure.h"
@@ -12,6 +13,8 @@ namespace {
 
 // Below this a correction is rounding, not a jump that clients must be told of.
 constexpr double kJump_m = 1e-4;
+// When the map is derived again, what moved by this share of the shift that calls for it is taken along.
+constexpr double kMovedShare = 0.2;
 constexpr double kJumpLeverage_m = 20.0;  // a turn counts at the distance of the lines it moves
 
 double shift_m(const Pose2& from, const Pose2& to) {
@@ -45,12 +48,9 @@ const MapChange& BackEnd::add(const Keyframe& keyframe) {
   optimise_for(loops);  // 8 optimise
   probe_.done(Step::optimise);
 
-  // 9 concatenate: the newest keyframe, or all of them where they now are
-  if (due_again()) {
-    concatenate();
-  } else {
-    concatenate(keyframes_.size() - 1);
-  }
+  if (due_again()) rederive();  // 9 concatenate
+  mapped_poses_.push_back(graph_.poses_map.back());
+  concatenate(keyframes_.size() - 1);
   concatenator_.publish(false, change_);
   probe_.done(Step::concatenate);
 
@@ -63,9 +63,9 @@ const MapChange& BackEnd::finish() {
   change_ = MapChange{};
   change_.T_map_odom = T_map_odom_;
   if (!trajectory_.empty()) change_.time = trajectory_.back().time;
-  if (unsolved_loops_) optimise();
+  if (unsolved_loops_) optimise(true);
   probe_.done(Step::optimise);
-  if (map_lag_m() > config_.optimise.rederive_shift_m) concatenate();
+  if (map_lag_m_ > config_.optimise.rederive_shift_m) rederive();
   concatenator_.publish(true, change_);
   probe_.done(Step::concatenate);
   count_changes();
@@ -99,23 +99,43 @@ void BackEnd::optimise_for(std::span<const PoseEdge> loops) {
     news = news || edge_error_sigma(graph_, edge) > config_.optimise.min_error_sigma;
   }
   unsolved_loops_ = unsolved_loops_ || !loops.empty();
-  if (news) optimise();
+  if (news) optimise(false);
   report_.loops = loop_closer_.report();
 }
 
-void BackEnd::optimise() {
-  const OptimiseReport solved = optimiser_.run(graph_);
+void BackEnd::optimise(bool whole) {
+  const std::size_t first = whole ? 1 : first_to_move();
+  const OptimiseReport solved = optimiser_.run(graph_, first);
   unsolved_loops_ = false;
+  last_closure_m_ = graph_.travelled_m.back();
+  if (first <= 1) last_whole_m_ = last_closure_m_;
   ++report_.optimise_count;
+  report_.solved_node_count += solved.node_count;
   report_.failed_optimise_count += solved.solved ? 0 : 1;
   report_.loops_switched_off_count = solved.switched_off_count;
-  if (solved.solved) follow_poses();
+  if (solved.solved) follow_poses(first);
 }
 
-void BackEnd::follow_poses() {
-  poses_moved_ = true;
-  loop_closer_.poses_changed(graph_);
-  for (std::size_t k = 0; k < trajectory_.size(); ++k) trajectory_[k].T_map_vehicle = graph_.poses_map[k];
+/// A new loop tells of the drift since the one before it: what lies long before that stays, until enough was driven for
+/// another look at the whole. So the work per metre does not grow with the drive.
+std::size_t BackEnd::first_to_move() const {
+  const OptimiseConfig& c = config_.optimise;
+  const double here_m = graph_.travelled_m.back();
+  const double node_count = here_m / c.node_spacing_m + 2.0 * static_cast<double>(graph_.loops.size());
+  if (here_m - last_whole_m_ >= c.whole_m_per_node * node_count) return 1;
+  const double from_m = std::min(last_closure_m_, here_m - c.window_m) - c.window_m;
+  const auto first = std::ranges::upper_bound(graph_.travelled_m, from_m);
+  return std::max<std::size_t>(1, static_cast<std::size_t>(first - graph_.travelled_m.begin()));
+}
+
+void BackEnd::follow_poses(std::size_t first) {
+  loop_closer_.poses_changed(graph_, first);
+  for (std::size_t k = first; k < trajectory_.size(); ++k) trajectory_[k].T_map_vehicle = graph_.poses_map[k];
+  first_lagging_ = std::min(first_lagging_, first);
+  map_lag_m_ = 0;
+  for (std::size_t k = first_lagging_; k < mapped_poses_.size(); ++k) {
+    map_lag_m_ = std::max(map_lag_m_, shift_m(mapped_poses_[k], graph_.poses_map[k]));
+  }
   const Pose2 corrected = graph_.poses_map.back() * keyframes_.back().T_odom_vehicle.inverse();
   const Pose2& here_odom = keyframes_.back().T_odom_vehicle;
   change_.closed_loop = change_.closed_loop || shift_m(T_map_odom_ * here_odom, corrected * here_odom) > kJump_m;
@@ -125,34 +145,41 @@ void BackEnd::follow_poses() {
 
 /// Whether the map must be derived again now.
 bool BackEnd::due_again() const {
-  if (!poses_moved_) return false;
   const bool waited = graph_.travelled_m.back() - last_rederived_m_ >= config_.optimise.rederive_every_m;
-  return map_lag_m() > (waited ? config_.optimise.rederive_shift_m : config_.optimise.rederive_now_m);
+  return map_lag_m_ > (waited ? config_.optimise.rederive_shift_m : config_.optimise.rederive_now_m);
 }
 
-/// How far, at most, a keyframe's lines lie in the map from where its pose now is.
-double BackEnd::map_lag_m() const {
-  double greatest_m = 0;
-  for (std::size_t k = 0; k < mapped_poses_.size(); ++k) {
-    greatest_m = std::max(greatest_m, shift_m(mapped_poses_[k], graph_.poses_map[k]));
+/// Takes what moved keyframes show out of the map and puts it where they now are.
+void BackEnd::rederive() {
+  std::set<std::uint64_t> moved;
+  for (std::size_t k = first_lagging_; k < mapped_poses_.size(); ++k) {
+    if (shift_m(mapped_poses_[k], graph_.poses_map[k]) <= kMovedShare * config_.optimise.rederive_shift_m) continue;
+    moved.insert(k);
+    unpack(k);
+    concatenator_.withdraw(k, lvm_, mapped_poses_[k]);
   }
-  return greatest_m;
+  std::set<std::uint64_t> again = concatenator_.forget();
+  again.insert(moved.begin(), moved.end());
+  for (const std::uint64_t k : again) {
+    if (moved.contains(k)) mapped_poses_[k] = graph_.poses_map[k];
+    concatenate(k);
+  }
+  concatenator_.end_withdrawal();
+  ++report_.rederive_count;
+  report_.rederived_keyframe_count += again.size();
+  last_rederived_m_ = graph_.travelled_m.back();
+  first_lagging_ = mapped_poses_.size();
+  map_lag_m_ = 0;
 }
 
-void BackEnd::concatenate() {
-  concatenator_.restart();
-  mapped_poses_.clear();
-  for (std::size_t k = 0; k < keyframes_.size(); ++k) concatenate(k);
-  ++report_.rederive_count;
-  last_rederived_m_ = graph_.travelled_m.back();
-  poses_moved_ = false;
+void BackEnd::unpack(std::size_t keyframe) {
+  lvm_.clear();
+  keyframes_[keyframe].lvm.append_to(lvm_);
 }
 
 void BackEnd::concatenate(std::size_t keyframe) {
-  lvm_.clear();
-  keyframes_[keyframe].lvm.append_to(lvm_);
-  concatenator_.add(keyframe, keyframes_[keyframe].time, lvm_, graph_.poses_map[keyframe]);
-  mapped_poses_.push_back(graph_.poses_map[keyframe]);
+  unpack(keyframe);
+  concatenator_.add(keyframe, keyframes_[keyframe].time, lvm_, mapped_poses_[keyframe]);
 }
 
 void BackEnd::count_changes() {

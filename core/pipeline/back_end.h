@@ -26,8 +26,10 @@ struct BackEndReport {
   std::uint64_t keyframe_count = 0;
   CloseLoopReport loops;
   std::uint64_t optimise_count = 0, failed_optimise_count = 0;
+  std::uint64_t solved_node_count = 0;         ///< poses that were solved for, all times together
   std::uint64_t loops_switched_off_count = 0;  ///< accepted, but contradicted by the rest of the graph at present
-  std::uint64_t rederive_count = 0;            ///< how often the map was derived again from its keyframes
+  std::uint64_t rederive_count = 0;            ///< how often what a closure moved was derived again
+  std::uint64_t rederived_keyframe_count = 0;  ///< from how many keyframes, all times together
   std::uint64_t line_count = 0, vertex_count = 0;
   double map_length_m = 0;
 };
@@ -49,16 +51,19 @@ class BackEnd {
   [[nodiscard]] const VectorMap& map() const { return concatenator_.map(); }
   [[nodiscard]] const Pose2& T_map_odom() const { return T_map_odom_; }
   [[nodiscard]] std::span<const TrajectoryPoint> trajectory() const { return trajectory_; }
+  /// Every loop that was accepted, also those that are switched off.
+  [[nodiscard]] std::span<const LoopEdge> loops() const { return graph_.loops; }
   [[nodiscard]] const BackEndReport& report() const { return report_; }
 
  private:
   void take(const Keyframe& keyframe);
   void optimise_for(std::span<const PoseEdge> loops);
-  void optimise();
-  void follow_poses();
+  void optimise(bool whole);
+  [[nodiscard]] std::size_t first_to_move() const;
+  void follow_poses(std::size_t first);
   [[nodiscard]] bool due_again() const;
-  [[nodiscard]] double map_lag_m() const;
-  void concatenate();
+  void rederive();
+  void unpack(std::size_t keyframe);
   void concatenate(std::size_t keyframe);
   void count_changes();
 
@@ -72,9 +77,11 @@ class BackEnd {
   std::vector<Pose2> mapped_poses_;  ///< from where each keyframe's lines were put into the map
   std::vector<TrajectoryPoint> trajectory_;
   Pose2 T_map_odom_;
-  double last_rederived_m_ = 0;  ///< path travelled then
+  double last_rederived_m_ = 0;                   ///< path travelled then
+  double last_closure_m_ = 0, last_whole_m_ = 0;  ///< the same, when poses were last solved for; the whole path's
+  double map_lag_m_ = 0;           ///< how far, at most, a keyframe's lines lie in the map from where its pose now is
+  std::size_t first_lagging_ = 0;  ///< keyframes before it lie where their poses are
   bool unsolved_loops_ = false;
-  bool poses_moved_ = false;  ///< since the map was derived
   LineSet lvm_;
   struct LineSize {
     std::uint64_t vertex_count = 0;

@@ -61,7 +61,7 @@ void close_loop(benchmark::State& state) {
   PoseGraph graph = laps.graph;
   const Pose2 last = graph.poses_map.back();
   graph.poses_map.pop_back();
-  closer.poses_changed(graph);
+  closer.poses_changed(graph, 0);
   graph.poses_map.push_back(last);
   for (auto _ : state) benchmark::DoNotOptimize(closer.run(graph, laps.keyframes));
   state.counters["keyframes"] = static_cast<double>(laps.keyframes.size());

@@ -79,11 +79,45 @@ void expect_true(const Revisit& revisit) {
 
 TEST(LoopCloser, a_place_seen_before_is_found_once_several_matches_agree) {
   Revisit revisit(worlds::crossing(), {0.8, -0.6, 0.01}, 1.0);
-  LoopCloser closer{CloseLoopConfig{}, MatchConfig{}};
+  LoopCloser closer{CloseLoopConfig{.sure_every_m = 0.0}, MatchConfig{}};
   EXPECT_GE(revisit.feed(closer), 8U);
   expect_true(revisit);
   EXPECT_EQ(closer.report().attempt_count, 20U);
   EXPECT_EQ(closer.report().no_candidate_count, 10U);
+}
+
+TEST(LoopCloser, while_loops_are_accepted_fewer_are_tried) {
+  Revisit revisit(worlds::crossing(), {0.8, -0.6, 0.01}, 1.0);
+  LoopCloser closer{CloseLoopConfig{.sure_every_m = 4.0}, MatchConfig{}};
+  EXPECT_GE(revisit.feed(closer), 5U);
+  expect_true(revisit);
+  EXPECT_LT(closer.report().attempt_count, 20U);
+}
+
+TEST(LoopCloser, a_place_that_is_passed_again_and_again_is_looked_at_no_more_often) {
+  // The same ten places over and over: what an attempt looks at must not grow with the passes.
+  LoopCloser closer{CloseLoopConfig{}, MatchConfig{}};
+  PoseGraph graph;
+  std::vector<KeptKeyframe> keyframes;
+  std::uint64_t in_second_pass = 0, in_last_pass = 0;
+  for (std::size_t pass = 0; pass < 8; ++pass) {
+    const std::uint64_t before = closer.report().looked_at_count;
+    for (std::size_t k = 0; k < 10; ++k) {
+      if (!graph.poses_map.empty()) {
+        const Pose2 pose{2.0 * static_cast<double>(k), 0, 0};
+        graph.odometry.push_back({keyframes.size() - 1, keyframes.size(), graph.poses_map.back().inverse() * pose,
+                                  Eigen::Vector3d(1e4, 1e4, 1e6).asDiagonal()});
+      }
+      graph.poses_map.push_back({2.0 * static_cast<double>(k), 0, 0});
+      graph.travelled_m.push_back(200.0 * static_cast<double>(pass) + 2.0 * static_cast<double>(k));
+      keyframes.push_back({{}, graph.poses_map.back(), {}, {}});
+      static_cast<void>(closer.run(graph, keyframes));
+    }
+    in_last_pass = closer.report().looked_at_count - before;
+    if (pass == 1) in_second_pass = in_last_pass;
+  }
+  EXPECT_GT(in_second_pass, 0U);
+  EXPECT_EQ(in_last_pass, in_second_pass);
 }
 
 TEST(LoopCloser, the_other_driving_direction_closes_too) {

@@ -92,6 +92,33 @@ TEST(Optimiser, a_loop_that_saw_one_direction_only_leaves_the_other_to_odometry)
   EXPECT_NEAR(graph.poses_map.back().y_m, 0.0, 0.02);
 }
 
+TEST(Optimiser, between_nodes_the_poses_are_those_of_a_solve_for_every_keyframe) {
+  Circle few, all;
+  for (Circle* circle : {&few, &all}) circle->graph.loops = {circle->loop(0, 56), circle->loop(3, 59)};
+  const OptimiseReport of_few = Optimiser{OptimiseConfig{}}.run(few.graph);
+  const OptimiseReport of_all = Optimiser{OptimiseConfig{.node_spacing_m = 1.0}}.run(all.graph);
+  EXPECT_LE(of_few.node_count, 8U);
+  EXPECT_EQ(of_all.node_count, 60U);
+  EXPECT_GT(Circle().greatest_error_m(), 2.0);
+  for (std::size_t k = 0; k < few.truth.size(); ++k) {
+    const Pose2 apart = few.graph.poses_map[k].inverse() * all.graph.poses_map[k];
+    EXPECT_LT(apart.translation().norm(), 0.05) << k;  // of corrections of some metres
+    EXPECT_LT(std::abs(apart.theta_rad), 2e-3) << k;
+  }
+}
+
+TEST(Optimiser, keyframes_before_the_first_that_may_move_stay_and_the_others_close_the_loop) {
+  Circle circle;
+  const std::vector<Pose2> before = circle.graph.poses_map;
+  circle.graph.loops = {circle.loop(10, 58), circle.loop(11, 59), circle.loop(2, 20)};
+  const OptimiseReport report = Optimiser{OptimiseConfig{}}.run(circle.graph, 30);
+  EXPECT_TRUE(report.solved);
+  EXPECT_LE(report.node_count, 5U);
+  for (std::size_t k = 0; k < 30; ++k) EXPECT_EQ(circle.graph.poses_map[k], before[k]) << k;
+  EXPECT_LT(edge_error_sigma(circle.graph, circle.graph.loops[0].edge), 3.0);
+  EXPECT_GT((circle.graph.poses_map[59].translation() - before[59].translation()).norm(), 0.5);
+}
+
 TEST(Optimiser, the_same_graph_gives_the_same_bytes) {
   Circle once, again;
   for (std::size_t k = 0; k < 5; ++k) {

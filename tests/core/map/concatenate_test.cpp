@@ -263,13 +263,64 @@ TEST(Concatenator, derived_again_from_the_same_poses_the_map_keeps_its_ids_and_b
   for (std::size_t k = 0; k < poses.size(); ++k) concatenator.add(k, at_s(static_cast<double>(k)), views[k], poses[k]);
   concatenator.publish(true, change);
   const VectorMap before = concatenator.map();
-  concatenator.restart();
+  for (std::size_t k = 0; k < poses.size(); ++k) concatenator.withdraw(k, views[k], poses[k]);
+  EXPECT_TRUE(concatenator.forget().empty());
   for (std::size_t k = 0; k < poses.size(); ++k) concatenator.add(k, at_s(static_cast<double>(k)), views[k], poses[k]);
   change = {};
+  concatenator.end_withdrawal();
   concatenator.publish(true, change);
   EXPECT_TRUE(change.empty());
   ASSERT_EQ(concatenator.map().size(), before.size());
   for (const auto& [id, line] : before) EXPECT_EQ(concatenator.map().at(id).vertices, line.vertices);
+}
+
+TEST(Concatenator, only_what_a_moved_keyframe_showed_is_derived_again) {
+  const World street = worlds::straight_street(0, 240);
+  const std::vector<Pose2> poses = straight_drive(0, 240, 2);
+  constexpr std::size_t kMoved = 100;  // from 200 m on
+  for (unsigned seed = 0; seed < 10; ++seed) {
+    std::mt19937_64 random(seed);
+    Concatenator concatenator{ConcatenateConfig{}}, afresh{ConcatenateConfig{}};
+    Client client;
+    MapChange change;
+    std::vector<LineSet> views;
+    std::vector<Pose2> believed = poses;
+    for (std::size_t k = 0; k < poses.size(); ++k) {
+      views.push_back(worlds::seen_from(street, poses[k], {.noise_m = 0.02}, random));
+      if (k >= kMoved) believed[k].y_m += 0.01 * static_cast<double>(k - kMoved);
+      concatenator.add(k, at_s(static_cast<double>(k)), views[k], believed[k]);
+      afresh.add(k, at_s(static_cast<double>(k)), views[k], poses[k]);
+    }
+    concatenator.publish(true, change);
+    client.apply(change, concatenator.map());
+    ASSERT_EQ(concatenator.map().size(), 2U) << "seed " << seed;
+    const VectorMap before = concatenator.map();
+
+    for (std::size_t k = kMoved; k < poses.size(); ++k) concatenator.withdraw(k, views[k], believed[k]);
+    std::set<std::uint64_t> again = concatenator.forget();
+    EXPECT_GT(*again.begin(), 60U);  // 30 m of view on both sides, and a square
+    EXPECT_LT(*again.rbegin(), kMoved);
+    for (std::size_t k = kMoved; k < poses.size(); ++k) again.insert(k);
+    for (const std::uint64_t k : again) concatenator.add(k, at_s(static_cast<double>(k)), views[k], poses[k]);
+    concatenator.end_withdrawal();
+    change = {};
+    concatenator.publish(true, change);
+    client.apply(change, concatenator.map());
+    client.expect_equals(concatenator.map());
+    afresh.publish(true, change);
+    ASSERT_EQ(concatenator.map().size(), 2U) << "seed " << seed;
+    for (const auto& [id, line] : concatenator.map()) {
+      ASSERT_TRUE(before.contains(id)) << "seed " << seed;
+      EXPECT_NEAR(length_m(line), length_m(afresh.map().at(id)), 1.0) << "seed " << seed;
+      for (const Vertex& v : line.vertices) {
+        EXPECT_LT(distance_to_world_m(v.position(), street), 0.06) << "seed " << seed;
+        const auto known = [&](const Vertex& old) { return old.position() == v.position(); };
+        if (v.x_m < 96) {
+          EXPECT_TRUE(std::ranges::any_of(before.at(id).vertices, known)) << v.x_m;
+        }
+      }
+    }
+  }
 }
 
 TEST(Concatenator, what_one_keyframe_saw_or_what_is_too_short_is_not_published) {
