@@ -63,7 +63,7 @@ const MapChange& BackEnd::finish() {
   change_ = MapChange{};
   change_.T_map_odom = T_map_odom_;
   if (!trajectory_.empty()) change_.time = trajectory_.back().time;
-  if (unsolved_loops_) optimise(true);
+  if (unsolved_loops_ || last_whole_m_ < last_closure_m_) optimise(true);
   probe_.done(Step::optimise);
   if (map_lag_m_ > config_.optimise.rederive_shift_m) rederive();
   concatenator_.publish(true, change_);
