@@ -169,13 +169,13 @@ bool Scenery::find_uneven(Sheet sheet, const Stretch& stretch, const Beam& beam,
     return beam.height_m(range_m) - ground_.height_m(sheet, beam.origin_m.x() + range_m * beam.direction.x(),
                                                      beam.origin_m.y() + range_m * beam.direction.y());
   };
-  constexpr double kStep_m = 0.7, kNear_m = 0.1, kClose_m = 1e-4;
+  constexpr double kSpacing_m = 0.7, kNear_m = 0.1, kClose_m = 1e-4;
   double low_m = from_m, low_clearance_m = clearance_m(from_m);
   double high_m = to_m, high_clearance_m = clearance_m(to_m);
   if (low_clearance_m > 0 && high_clearance_m > 0) {
     // Between two places above the sheet the beam may graze a crest.
     if (high_clearance_m > kNear_m && low_clearance_m > kNear_m) return false;
-    const int steps = static_cast<int>(std::ceil(beam.direction.head<2>().norm() * (to_m - from_m) / kStep_m));
+    const int steps = static_cast<int>(std::ceil(beam.direction.head<2>().norm() * (to_m - from_m) / kSpacing_m));
     for (int i = 1; i < steps; ++i) {
       high_m = std::lerp(from_m, to_m, static_cast<double>(i) / steps);
       high_clearance_m = clearance_m(high_m);
@@ -212,9 +212,9 @@ void Scenery::settle(const Patch& patch, const Beam& beam, double from_m, Footin
   const double rough_m = roughness_m_[static_cast<std::size_t>(material)];
   if (rough_m > 0) {
     // Met farther off along the beam the flatter that comes in.
-    constexpr double kBump_m = 0.05, kFarthest_m = 0.3;
+    constexpr double kBump_m = 0.05, kMost_m = 0.3;
     const double bump_m = rough_m * (2 * plan_noise_at(footing.place_m, kBump_m) - 1);
-    footing.bump_m = std::clamp(bump_m / std::max(sinks, 1e-3), -kFarthest_m, kFarthest_m);
+    footing.bump_m = std::clamp(bump_m / std::max(sinks, 1e-3), -kMost_m, kMost_m);
   }
   const double slope2 = footing.gradient.squaredNorm();
   hit = {std::max(from_m, footing.range_m - footing.bump_m), std::clamp(sinks / std::sqrt(1 + slope2), 0.0, 1.0),
