@@ -8,5 +8,5 @@ if(NOT ROADVEC_FUZZ AND NOT ROADVEC_SANITIZE)
     ENVIRONMENT "${test_environment}")
   # The package from installing to purging, in a fresh machine; its root is made once (network), in a minute.
   add_test(NAME vm.package COMMAND python3 -B ${CMAKE_SOURCE_DIR}/tests/vm/package_test.py)
-  set_tests_properties(vm.package PROPERTIES LABELS vm TIMEOUT 1200 RUN_SERIAL ON ENVIRONMENT "${test_environment}")
+  set_tests_properties(vm.package PROPERTIES LABELS package TIMEOUT 1200 RUN_SERIAL ON ENVIRONMENT "${test_environment}")
 endif()

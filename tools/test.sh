@@ -2,8 +2,9 @@
 # Installs what is missing and runs every check of roadvec: format, layers, build with warnings as errors, unit and property
 # tests, drives through the real programs, sanitizers, lint, and a short fuzz of every parser.
 #
-#   tools/test.sh            everything
+#   tools/test.sh            everything but what --package does
 #   tools/test.sh --quick    format, build, tests (no sanitizers, lint or fuzzing)
+#   tools/test.sh --package  the Debian package in a fresh machine with systemd and vcan, from installing to purging (six minutes)
 #   tools/test.sh --lint     clang-tidy on every source file (a quarter of an hour; the others look at the parsers and steps alone)
 #
 # FUZZ_SECONDS=60 fuzzes longer (default 5 per parser). Recordings, if there are any, are looked for in ../shared/data.
@@ -11,9 +12,9 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 mode=${1:-}
 case $mode in
-  '' | --quick | --lint) ;;
+  '' | --quick | --package | --lint) ;;
   *)
-    sed -n '2,10s/^# \{0,1\}//p' "$0"
+    sed -n '2,11s/^# \{0,1\}//p' "$0"
     exit 2
     ;;
 esac
@@ -23,7 +24,7 @@ say() { printf '\n== %s (%d s)\n' "$*" $((SECONDS - begin)); }
 
 # lint FILE...: with the flags of the clang build, file by file.
 lint() {
-  cmake --preset asan-ubsan -B build/lint -DCMAKE_UNITY_BUILD=OFF >/dev/null
+  cmake --preset fuzz -B build/lint -DCMAKE_UNITY_BUILD=OFF >/dev/null
   cmake --build build/lint --target precompiled precompiled_tests precompiled_main >/dev/null
   git ls-files -z "$@" | xargs -0 -n 1 -P "$(nproc)" clang-tidy-14 -p build/lint --quiet 2>/dev/null
 }
@@ -45,17 +46,23 @@ say "build: release"
 cmake --preset release >/dev/null
 cmake --build --preset release
 
-say "tests: release"
-ctest --preset release -j 2 --output-junit "$PWD/build/release/tests.xml"
+if [ "$mode" = --package ]; then
+  say "tests: the package"
+  ctest --preset release -L package
+  exit 0
+fi
+
+say "tests: release (the package's own: tools/test.sh --package)"
+ctest --preset release -j 2 -LE package --output-junit "$PWD/build/release/tests.xml"
 passed=$(grep -c 'status="run"' build/release/tests.xml || true)
 if [ "$mode" = --quick ]; then
   printf '%d passed, 0 failed\n' "$passed"
   exit 0
 fi
 
-say "build and tests: address and undefined-behaviour sanitizers, and the fuzz targets"
+say "build and tests: address and undefined-behaviour sanitizers"
 cmake --preset asan-ubsan >/dev/null
-cmake --build --preset asan-ubsan --target unit_tests fuzzers
+cmake --build --preset asan-ubsan --target unit_tests
 # Drives through the real programs, and every shipped scene driven twice, run in the release build; here they would take
 # minutes and show the same lines.
 ctest --preset asan-ubsan -j 2 -LE drive -E ShippedScenes --output-junit "$PWD/build/asan-ubsan/tests.xml"
@@ -66,16 +73,18 @@ cmake --build --preset tsan --target test_core_ring test_daemon_server test_daem
 ctest --preset tsan -L threads --output-junit "$PWD/build/tsan/tests.xml"
 
 say "fuzz: $fuzz_seconds s per parser"
+cmake --preset fuzz >/dev/null
+cmake --build --preset fuzz --target fuzzers
 /usr/bin/python3 -B tests/fuzz/make_seeds.py build/fuzz/corpus
 fuzz() {
   mkdir -p "build/fuzz/corpus/$1"
-  "build/asan-ubsan/bin/$1" -max_total_time="$fuzz_seconds" -timeout=10 -rss_limit_mb=2048 -print_final_stats=0 -verbosity=0 \
+  "build/fuzz/bin/$1" -max_total_time="$fuzz_seconds" -timeout=10 -rss_limit_mb=2048 -print_final_stats=0 -verbosity=0 \
     -artifact_prefix="build/fuzz/$1-" "build/fuzz/corpus/$1" >"build/fuzz/$1.log" 2>&1 && echo "$1" ||
     { tail -40 "build/fuzz/$1.log"; return 1; }
 }
 export -f fuzz
 export fuzz_seconds
-fuzzers=(build/asan-ubsan/bin/fuzz_*)
+fuzzers=(build/fuzz/bin/fuzz_*)
 printf '%s\n' "${fuzzers[@]##*/}" | xargs -n 1 -P "$(nproc)" bash -c 'fuzz "$0"'
 fuzzed=${#fuzzers[@]}
 
