@@ -75,6 +75,20 @@ struct Reception {
   std::unique_ptr<UdpReceiver> receiver;
 };
 
+/// The first socket that asks for time stamps makes the kernel switch them on, which a busy kernel puts off: until then
+/// a packet has the time at which it is read. Waits until that is over; the stamps stay on while `reception` lives.
+void await_kernel_stamps(Reception& reception) {
+  Sender sender(reception.receiver->port());
+  for (int i = 0; i < 100; ++i) {
+    sender.send(kPacketBytes);
+    ::usleep(50'000);
+    const std::int64_t read_ns = std::chrono::system_clock::now().time_since_epoch() / 1ns;
+    const std::vector<RawPacket> packets = reception.read_all();
+    if (packets.size() == 1 && packets[0].arrived.ns < read_ns - 25'000'000) return;
+  }
+  ADD_FAILURE() << "the kernel does not stamp packets";
+}
+
 TEST(UdpReceiver, takes_1206_bytes_and_no_other_length) {
   Reception reception;
   Sender sender(reception.receiver->port());
@@ -92,6 +106,7 @@ TEST(UdpReceiver, takes_1206_bytes_and_no_other_length) {
 
 TEST(UdpReceiver, stamps_packets_with_the_kernels_receive_time) {
   Reception reception;
+  await_kernel_stamps(reception);
   Sender sender(reception.receiver->port());
   const auto now_ns = [] {
     return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch())
@@ -257,6 +272,8 @@ TEST(UdpReceiver, leaves_the_larger_buffer_of_a_socket_it_takes_over_as_it_is) {
 }
 
 TEST(UdpReceiver, neither_takes_nor_counts_as_lost_what_came_before_it_took_over) {
+  Reception stamping;
+  await_kernel_stamps(stamping);
   const int fd = bound_socket(100'000);
   Sender sender(port_of(fd));
   for (int i = 0; i < 500; ++i) sender.send(kPacketBytes);  // more than the buffer holds
