@@ -6,12 +6,8 @@
 namespace roadvec {
 namespace {
 
-/// Longer than this without a firing, and what follows is another revolution (75 degrees at the slowest).
-constexpr std::int64_t kLongestPause_ns = 60'000'000;
 /// No revolution takes this long, and Return::time_ns must not run over.
 constexpr std::int64_t kLongestSweep_ns = 1'000'000'000;
-/// Packets queued in the kernel or on the wire are never this much out of time: the clock was set.
-constexpr std::int64_t kClockWentBack_ns = -500'000'000;
 
 }  // namespace
 
@@ -24,16 +20,13 @@ SweepAssembler::SweepAssembler(const AssembleOptions& options, LidarModel model,
       sink_(sink),
       counters_(counters) {}
 
-void SweepAssembler::add(const DecodedPacket& packet, SensorTime first_firing,
-                         std::uint32_t lost_before_count) noexcept {
-  if (turning_) {
-    const std::int64_t pause_ns = first_firing - last_time_;
-    if (pause_ns > kLongestPause_ns || pause_ns < kClockWentBack_ns) {
-      end_sweep(false);
-      turning_ = false;
-    }
+void SweepAssembler::add(const DecodedPacket& packet, const PacketTiming& timing) noexcept {
+  if (timing.apart && turning_) {
+    end_sweep(false);
+    turning_ = false;
   }
-  bool torn = lost_before_count > 0;
+  const SensorTime first_firing = timing.first_firing;
+  bool torn = timing.lost_before_count > 0;
   for (int g = 0; g < packet.group_count; ++g) {
     const DecodedPacket::Group& group = packet.groups[static_cast<std::size_t>(g)];
     const SensorTime group_start = first_firing + group.start_ns;

@@ -6,6 +6,7 @@
 #include "core/sensor/lidar.h"
 #include "drivers/velodyne/counters.h"
 #include "drivers/velodyne/decode.h"
+#include "drivers/velodyne/packet_clock.h"
 
 namespace roadvec {
 
@@ -28,15 +29,14 @@ struct AssembleOptions {
 /// Returns -> sweeps: one revolution each, cut at one azimuth, between two readings of it and not between packets.
 ///
 /// A sweep is `complete` if the assembler saw it from cut to cut with nothing missing. The head only turns forward: a
-/// small step back is jitter and cuts nothing, a large one is packets lost and goes the long way round. A pause, or a
-/// jump of the clock, ends a sweep early. A head that stands still makes no sweeps. Times never go back inside a sweep
-/// nor from sweep to sweep. Writes in place; no allocation.
+/// small step back is jitter and cuts nothing, a large one is packets lost and goes the long way round. A pause of
+/// the sensor, or a jump of the clock, ends a sweep early. A head that stands still makes no sweeps. Times never go
+/// back inside a sweep nor from sweep to sweep. Writes in place; no allocation.
 class SweepAssembler {
  public:
   SweepAssembler(const AssembleOptions& options, LidarModel model, SweepSink& sink, LidarCounters& counters);
 
-  /// `first_firing`: of the packet; `lost_before_count`: packets missing before it.
-  void add(const DecodedPacket& packet, SensorTime first_firing, std::uint32_t lost_before_count) noexcept;
+  void add(const DecodedPacket& packet, const PacketTiming& timing) noexcept;
   /// End of the input: hands over the sweep under way, as incomplete.
   void finish() noexcept;
 

@@ -12,6 +12,10 @@ constexpr std::int64_t kLongestReordering_ns = 100 * kMillisecond_ns;
 constexpr std::int64_t kClocksAgree_ns = 500 * kMillisecond_ns;
 /// A pause by the host's clock alone (the sensor's was set meanwhile) that is more than scheduling.
 constexpr std::int64_t kHostPause_ns = 50 * kMillisecond_ns;
+/// Longer than this without a firing, and what follows is another revolution (75 degrees at the slowest).
+constexpr std::int64_t kLongestPause_ns = 60 * kMillisecond_ns;
+/// Packets queued in the kernel or on the wire are never this much out of time: the clock was set.
+constexpr std::int64_t kSetBack_ns = -500 * kMillisecond_ns;
 /// The kernel stamps a socket's packets in order: stamps go back only when the host's clock is set.
 constexpr std::int64_t kHostWentBack_ns = -kMillisecond_ns;
 /// Crystals of sensor and host differ by less than this; so fast may the offset follow a sensor that runs slow.
@@ -47,6 +51,10 @@ PacketTiming PacketClock::place(const RawPacket& packet, std::uint32_t duration_
   }
   counters_.device_time_gaps.add(timing.lost_before_count);
   timing.first_firing = first_firing(packet, duration_ns, step, device_step_ns);
+  const std::int64_t pause_ns =
+      step == Step::clock_step ? timing.first_firing - last_end_ : device_step_ns - last_duration_ns_;
+  timing.apart = step != Step::first && (pause_ns > kLongestPause_ns || pause_ns < kSetBack_ns);
+  last_end_ = timing.first_firing + duration_ns;
 
   state_.device_minus_host_ns = wrap_hour_ns(device_ns - (packet.arrived - duration_ns).ns % kHour_ns);
   if (step == Step::clock_step) state_.last_step = {device_step_ns - host_step_ns, packet.arrived};

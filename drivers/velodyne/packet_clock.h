@@ -29,6 +29,9 @@ struct PacketTiming {
   SensorTime first_firing;
   std::uint32_t lost_before_count = 0;  ///< packets missing between the one before and this one
   bool stale = false;                   ///< out of order or a duplicate: its firings lie before those already seen
+  /// Not of the revolution before: the sensor paused or most of a turn was lost by its own clock, or a clock was set.
+  /// Packets that only arrive late, after a host or a player that stalled, belong where they are.
+  bool apart = false;
 };
 
 /// How the sensor's clock stands to the host's, for people.
@@ -65,6 +68,7 @@ class PacketClock {
   PacketClockState state_;
   bool started_ = false;
   SensorTime last_arrived_;
+  SensorTime last_end_;                 ///< of the last packet's last firing
   std::int64_t last_device_ns_ = 0;     ///< past the hour
   std::uint32_t last_duration_ns_ = 0;  ///< longer than others where a limited field of view leaves part of a turn out
   std::uint16_t last_azimuth_cdeg_ = 0;

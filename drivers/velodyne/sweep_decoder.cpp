@@ -22,7 +22,7 @@ void SweepDecoder::add(const RawPacket& packet) noexcept {
     calibrated_ = true;
     return;
   }
-  assembler_.add(decoded_, timing.first_firing, timing.lost_before_count);
+  assembler_.add(decoded_, timing);
 }
 
 }  // namespace roadvec

@@ -144,7 +144,8 @@ class LiveTest(ProgramTest):
             self.assertEqual(lidar[name], 0, name)
         # On a machine that stalls, mapping falls behind and whole sweeps are refused: counted, every one, and few.
         sweeps = counters_of(recorded, "lidar")["sweeps"] - 1  # the last revolution is open as long as more may come
-        self.assertEqual(lidar["sweeps"] + lidar["ring_full"], sweeps)
+        # A player that stalls for longer than half a second looks like a clock that was set, which ends a sweep early.
+        self.assertIn(lidar["sweeps"] + lidar["ring_full"] - sweeps, range(lidar["clock_steps"] + 1), lidar)
         self.assertLess(lidar["ring_full"], 0.2 * sweeps)
         self.assertEqual(counters_of(status, "mapping")["sweeps"], lidar["sweeps"])
         self.assertEqual(lidar["received"], counters_of(recorded, "lidar")["received"] + lidar["wrong_flags"])

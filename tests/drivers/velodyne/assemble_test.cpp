@@ -166,6 +166,19 @@ TEST(SweepAssembler, ends_a_sweep_at_a_pause_of_the_sensor) {
   EXPECT_EQ(road.counts().device_time_gaps, static_cast<std::uint64_t>(kPacketsPerTurn) + 1);
 }
 
+TEST(SweepAssembler, keeps_a_sweep_together_when_packets_only_arrive_late) {
+  Road road;
+  road.drive(3 * kPacketsPerTurn, [](int i, RawPacket& packet) {
+    // The player stalls for 120 ms, then sends what is due in one go.
+    if (i >= 400) packet.arrived = packet.arrived + std::max(0, 120'000'000 - (i - 400) * 280'000);
+    return true;
+  });
+  road.driver.finish();
+  EXPECT_THAT(road.complete(), testing::ElementsAre(false, true, true, false));
+  EXPECT_EQ(road.sink.sweeps[1].returns.size(), kReturnsPerTurn);
+  EXPECT_EQ(road.counts().device_time_gaps, 0U);
+}
+
 TEST(SweepAssembler, goes_on_when_the_hosts_clock_is_set_back) {
   Road road;
   road.drive(6 * kPacketsPerTurn, [](int i, RawPacket& packet) {
