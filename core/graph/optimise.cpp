@@ -173,6 +173,9 @@ OptimiseReport Optimiser::run(PoseGraph& graph, std::size_t first_free) const {
   if (graph.odometry.empty()) return report;
   const Part part = part_of(graph, first_free, config_.node_spacing_m);
   report.node_count = part.nodes.size();
+  const std::vector<Pose2> poses_before(graph.poses_map.begin() + static_cast<std::ptrdiff_t>(part.nodes.front()),
+                                        graph.poses_map.end());
+  const std::vector<LoopEdge> loops_before = graph.loops;
   for (LoopEdge* loop : part.loops) loop->active = true;
   // Graduated: a true loop may begin a hundred sigmas off, where a narrow loss would not feel it. [Yang2020]
   for (const double widening : {1000.0, 100.0, 10.0, 1.0}) {
@@ -188,7 +191,12 @@ OptimiseReport Optimiser::run(PoseGraph& graph, std::size_t first_free) const {
       report.solved = solve(graph, part, config_.loop_scale_sigma, config_.max_iterations, report);
     }
   }
-  for (const PoseEdge& way : part.ways) spread(graph, way);
+  if (report.solved) {
+    for (const PoseEdge& way : part.ways) spread(graph, way);
+  } else {
+    std::ranges::copy(poses_before, graph.poses_map.end() - static_cast<std::ptrdiff_t>(poses_before.size()));
+    std::ranges::copy(loops_before, graph.loops.begin());
+  }
   report.switched_off_count =
       static_cast<std::size_t>(std::ranges::count_if(graph.loops, [](const LoopEdge& loop) { return !loop.active; }));
   return report;

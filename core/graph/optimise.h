@@ -56,9 +56,10 @@ struct OptimiseReport {
 /// between two of them counts as one edge, and its steps then take their shares of the correction by their covariances.
 /// Edges count with their full 3 x 3 information. After each solve the loop that contradicts the rest most is switched
 /// off when it is beyond loop_gate_sigma; every call starts with its loops on again, so a loop that was switched off
-/// returns when later ones confirm it. When a solve fails the poses stay as they were. One thread, limits in nodes and
-/// iterations and not in time: same graph, same bytes. Differs from the paper: Ceres instead of g2o; robust loss on
-/// loops, because one false loop destroys a map; the work depends on the loops and the way, not on the keyframes.
+/// returns when later ones confirm it. When a solve fails, poses and loops stay as they were. One thread, limits in
+/// nodes and iterations and not in time: same graph, same bytes. Differs from the paper: Ceres instead of g2o; robust
+/// loss on loops, because one false loop destroys a map; the work depends on the loops and the way, not on the
+/// keyframes.
 class Optimiser {
  public:
   explicit Optimiser(const OptimiseConfig& config) : config_(config) {}

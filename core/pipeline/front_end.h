@@ -28,7 +28,7 @@ struct FrontEndSetup {
 /// sensor data alone, never on the back end or on when it runs.
 ///
 /// add() does not allocate, lock, throw or read a clock: it belongs on a real-time thread. Memory is reserved in the
-/// constructor and during the first sweeps (step 6's buffers grow to the scene, then stay).
+/// constructor.
 class FrontEnd {
  public:
   FrontEnd(const PipelineConfig& config, const FrontEndSetup& setup, StepProbe& probe);

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <random>
 
 namespace roadvec {
@@ -73,6 +74,20 @@ TEST(Optimiser, a_loop_that_was_switched_off_returns_when_others_confirm_it) {
   circle.graph.loops = {early, circle.loop(0, 56), circle.loop(1, 57)};
   static_cast<void>(Optimiser{OptimiseConfig{}}.run(circle.graph));
   EXPECT_TRUE(circle.graph.loops.front().active);
+}
+
+TEST(Optimiser, a_solve_that_fails_leaves_poses_and_loops_as_they_were) {
+  Circle circle;
+  circle.graph.loops = {circle.loop(0, 30), circle.loop(2, 58)};
+  circle.graph.loops.front().active = false;
+  circle.graph.loops.back().edge.T_from_to.x_m = std::numeric_limits<double>::quiet_NaN();
+  const PoseGraph before = circle.graph;
+  const OptimiseReport report = Optimiser{OptimiseConfig{}}.run(circle.graph);
+  EXPECT_FALSE(report.solved);
+  EXPECT_EQ(report.switched_off_count, 1U);
+  EXPECT_EQ(circle.graph.poses_map, before.poses_map);
+  EXPECT_FALSE(circle.graph.loops.front().active);
+  EXPECT_TRUE(circle.graph.loops.back().active);
 }
 
 TEST(Optimiser, a_loop_that_saw_one_direction_only_leaves_the_other_to_odometry) {
