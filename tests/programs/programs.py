@@ -4,7 +4,6 @@ The environment says where things are: ROADVEC_BIN the programs, ROADVEC_SOURCE 
 recordings, ROADVEC_TEST_DRIVE the drive that make_drive.py has made; PYTHONPATH tests/support/python.
 """
 
-import contextlib
 import json
 import os
 import pathlib
@@ -15,6 +14,8 @@ import subprocess
 import tempfile
 import tomllib
 import unittest
+
+from processes import started
 
 SOURCE = pathlib.Path(os.environ["ROADVEC_SOURCE"])
 BIN = pathlib.Path(os.environ["ROADVEC_BIN"])
@@ -64,16 +65,8 @@ def free_udp_port():
         return probe.getsockname()[1]
 
 
-@contextlib.contextmanager
 def running(program, *arguments, stdout=subprocess.PIPE):
-    """A program that is not left behind, whatever happens."""
-    process = subprocess.Popen(command(program, *arguments), stdout=stdout, stderr=subprocess.PIPE, text=True)
-    try:
-        yield process
-    finally:
-        if process.poll() is None:
-            process.kill()
-        process.communicate()
+    return started(command(program, *arguments), stdout=stdout)
 
 
 class ProgramTest(unittest.TestCase):

@@ -1,14 +1,13 @@
 """roadvecd under a service manager: sockets that are handed over, what it tells about itself, SIGHUP. Here the test is the manager."""
 
-import contextlib
 import json
 import os
 import signal
 import socket
-import subprocess
 import time
 
 import programs
+from processes import started
 from programs import ProgramTest, command, counters_of, free_udp_port, run
 
 FIRST_HANDED_OVER = 3  # SD_LISTEN_FDS_START
@@ -40,7 +39,6 @@ class ServiceTest(ProgramTest):
         listener.listen()
         return listener
 
-    @contextlib.contextmanager
     def daemon(self, handed_over, names):
         """roadvecd with sockets at the descriptors 3, 4, …, as sd_listen_fds(3) has them."""
         def place():
@@ -52,13 +50,7 @@ class ServiceTest(ProgramTest):
         surroundings = {**os.environ, "NOTIFY_SOCKET": str(self.folder / "notify")}
         if handed_over:
             surroundings.update(LISTEN_FDS=str(len(handed_over)), LISTEN_FDNAMES=names)
-        process = subprocess.Popen(begin, env=surroundings, preexec_fn=place, close_fds=False, stderr=subprocess.PIPE, text=True)
-        try:
-            yield process
-        finally:
-            if process.poll() is None:
-                process.kill()
-            process.communicate()
+        return started(begin, env=surroundings, preexec_fn=place, close_fds=False)
 
     def wait_for_notice(self, wanted):
         while True:

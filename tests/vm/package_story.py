@@ -5,7 +5,6 @@ newer.deb (a higher version), the drive, recorded/ (the drive's map by `roadvecd
 in the car. In the guest the first package is installed before systemd comes up, as it is when a system image is made.
 """
 
-import contextlib
 import json
 import math
 import pathlib
@@ -17,6 +16,8 @@ import subprocess
 import sys
 import time
 import unittest
+
+from processes import started
 
 PACKAGE, NEWER = "./roadvec.deb", "./newer.deb"
 CONFIGURATION, STATE = pathlib.Path("/etc/roadvec/roadvecd.toml"), pathlib.Path("/var/lib/roadvec")
@@ -66,17 +67,6 @@ def status_of_daemon():
 
 def counters(status, stage):
     return next(found["counters"] for found in status["stages"] if found["name"] == stage)
-
-
-@contextlib.contextmanager
-def started(command):
-    process = subprocess.Popen(command.split(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        yield process
-    finally:
-        if process.poll() is None:
-            process.kill()
-        process.communicate()
 
 
 def configure(edit=lambda text: text):
@@ -160,7 +150,7 @@ class PackageStory(unittest.TestCase):
         self.assertNotIn("receive buffer", journal())
 
     def test_05_a_drive_on_its_sensors_gives_the_map_of_the_recording(self):
-        with started("roadvec watch --json") as watcher:
+        with started("roadvec watch --json".split()) as watcher:
             wait_until("the watcher", lambda: counters(status_of_daemon(), "server")["clients_connected"] > 1)
             played = self.play()
             status = self.settled()
@@ -184,7 +174,7 @@ class PackageStory(unittest.TestCase):
         with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(0x0800)) as wire:
             wire.bind(("lo", 0))
             wire.settimeout(60)
-            with started("roadvec-replay drive --position-port 0 --json") as replay:
+            with started("roadvec-replay drive --position-port 0 --json".split()) as replay:
                 with subprocess.Popen(["canplayer", "vcan0=can0"], stdin=subprocess.PIPE) as canplayer:
                     while len(wire.recv(2048)) < 1206:
                         pass
@@ -214,7 +204,8 @@ class PackageStory(unittest.TestCase):
         # The last revolution is open as long as more may come.
         sweeps = recorded["lidar"]["counters"]["sweeps"] - 1
         if lidar["kernel_drops"] == 0:
-            self.assertEqual(lidar["sweeps"] + lidar["ring_full"], sweeps)
+            # A player that stalls for longer than half a second looks like a clock that was set, which ends a sweep early.
+            self.assertIn(lidar["sweeps"] + lidar["ring_full"] - sweeps, range(lidar["clock_steps"] + 1), lidar)
         self.assertLess(lidar["ring_full"], 0.2 * sweeps)
         print(f"packets {lidar['received']} of {sent_count}, sweeps {lidar['sweeps']} of {sweeps}, {lidar['ring_full']} refused")
 
@@ -251,7 +242,7 @@ class PackageStory(unittest.TestCase):
         configure()
 
     def test_07_a_daemon_that_hangs_or_dies_is_started_again_while_packets_come(self):
-        with started("roadvec-replay drive --position-port 0 --loop --speed 0.1"):
+        with started("roadvec-replay drive --position-port 0 --loop --speed 0.1".split()):
             wait_until("packets", lambda: counters(status_of_daemon(), "lidar")["received"] > 0)
             pid = self.main_pid()
             shell(f"systemctl kill --kill-whom=main --signal=STOP {SERVICE}")
@@ -260,7 +251,7 @@ class PackageStory(unittest.TestCase):
             print("the watchdog has started it again")
             pid = self.main_pid()
             shell(f"systemctl kill --kill-whom=main --signal=KILL {SERVICE}")
-            with started("roadvec --timeout 60 status --json") as client:  # waits in the socket until it is served
+            with started("roadvec --timeout 60 status --json".split()) as client:  # waits in the socket until it is served
                 complaint = client.communicate(timeout=60)[1]
                 self.assertEqual(client.returncode, 0, complaint + journal())
             self.assert_running(not_pid=pid)
@@ -268,7 +259,7 @@ class PackageStory(unittest.TestCase):
             self.assertEqual(counters(status_of_daemon(), "lidar")["kernel_drops"], 0, "those before the start are not ours")
 
     def test_08_what_is_stopped_or_wrong_stays_so_while_packets_come(self):
-        with started("roadvec-replay drive --position-port 0 --loop --speed 0.1"):
+        with started("roadvec-replay drive --position-port 0 --loop --speed 0.1".split()):
             shell(f"systemctl stop {SERVICE}")
             time.sleep(3)
             self.assertEqual([state(unit) for unit in (SERVICE, *SOCKETS)], ["inactive"] * 3)

@@ -74,6 +74,7 @@ def main():
     make_packages(work)
     make_drive(work)
     shutil.copy(HERE / "package_story.py", work)
+    shutil.copy(SOURCE / "tests/support/python/processes.py", work)
     return here(work) if "ROADVEC_HERE" in os.environ else in_guest(work)
 
 

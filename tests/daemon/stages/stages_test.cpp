@@ -197,12 +197,12 @@ class PausedPackets final : public PacketSource {
 
 TEST(Stages, real_time_threads_do_not_allocate_once_warm) {
   Stages stages;
-  enum { kLidar, kVehicle, kMapping, kThreads };
+  enum : std::size_t { kLidar, kVehicle, kMapping, kThreads };
   std::array<std::atomic<const std::atomic<std::size_t>*>, kThreads> counts{};
   std::array<std::size_t, kThreads> warm{}, end{};
   const auto at_half = [&] {
     while (stages.mapping.sweep_count().value() < 18) std::this_thread::yield();
-    for (int i = 0; i < kThreads; ++i) warm[i] = counts[i].load()->load();
+    for (std::size_t i = 0; i < kThreads; ++i) warm[i] = counts[i].load()->load();
   };
   LidarStage lidar_stage{std::make_unique<PausedPackets>(at_half),
                          LidarModel::vlp16,
@@ -210,7 +210,7 @@ TEST(Stages, real_time_threads_do_not_allocate_once_warm) {
                          {},
                          stages.counters,
                          stages.sweeps};
-  const auto counted = [&](int thread, auto&& run) {
+  const auto counted = [&](std::size_t thread, auto&& run) {
     counts[thread] = &test::allocation_count();
     run();
     end[thread] = test::allocation_count();

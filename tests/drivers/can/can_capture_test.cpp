@@ -22,7 +22,7 @@ class CanCapture : public testing::Test {
   CanCapture() {
     put_u32(text_, 0xA1B23C4D);  // nanoseconds
     put_u32(text_, 2 | 4 << 16);
-    for (const std::uint32_t word : {0, 0, 262144}) put_u32(text_, word);
+    for (const std::uint32_t word : {0U, 0U, 262144U}) put_u32(text_, word);
     link_at_ = text_.size();
     put_u32(text_, kSocketCan);
   }

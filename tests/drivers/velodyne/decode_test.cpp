@@ -275,7 +275,8 @@ TEST(PacketDecoder, knows_the_turn_of_a_vls128_in_dual_mode_from_the_packet_befo
 TEST(PacketDecoder, gives_the_sector_that_a_head_leaves_out_its_time) {
   FakeHead head(LidarModel::vlp32c, 20);
   PacketBytes bytes = head.next().bytes;
-  for (int block = 8; block < kBlocksPerPacket; ++block) put_azimuth_cdeg(bytes, block, 18'140U + 20U * block);
+  for (int block = 8; block < kBlocksPerPacket; ++block)
+    put_azimuth_cdeg(bytes, block, static_cast<unsigned>(18'140 + 20 * block));
   Decoded decoded(LidarModel::vlp32c, bytes);
   EXPECT_EQ(decoded.packet.groups[7].start_ns, 7U * 55'296);
   EXPECT_NEAR(decoded.packet.groups[8].start_ns, (18'160.0 / 20 + 7) * 55'296, 1);

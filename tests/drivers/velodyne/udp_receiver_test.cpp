@@ -116,12 +116,11 @@ TEST(UdpReceiver, stamps_packets_with_the_kernels_receive_time) {
   sender.send(kPacketBytes);
   sender.send(kPacketBytes);
   const std::int64_t after_ns = now_ns();
-  ::usleep(200'000);  // time that must not be in the stamps
+  ::usleep(20'000);  // time that must not be in the stamps
   const std::vector<RawPacket> packets = reception.read_all();
   ASSERT_EQ(packets.size(), 2U);
-  constexpr std::int64_t kBusyKernel_ns = 100'000'000;  // may put off what arrives
   EXPECT_GE(packets[0].arrived.ns, before_ns - 1'000'000);
-  EXPECT_LE(packets[1].arrived.ns, after_ns + kBusyKernel_ns);
+  EXPECT_LE(packets[1].arrived.ns, after_ns + 1'000'000);
   EXPECT_LE(packets[0].arrived, packets[1].arrived);
   EXPECT_EQ(packets[0].source_ipv4, kLoopback);
 }

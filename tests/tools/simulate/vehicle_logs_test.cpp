@@ -25,6 +25,18 @@ Scene bend_scene() {
   return scene;
 }
 
+/// Of steering and wheels, by the DBC that comes with the drive.
+MotionDecoder decoder_of(const Scene& scene) {
+  const DbcFile dbc = parse_dbc(vehicle_dbc(scene), "vehicle.dbc");
+  EXPECT_TRUE(dbc.diagnostics.empty());
+  VehicleSignals signals;
+  signals.steering.sum = {"SteeringSensor.SteeringWheelAngle"};
+  for (const char* wheel : {"FL", "FR", "RL", "RR"}) {
+    signals.wheel_speeds.emplace_back().sum = {std::string("WheelSpeeds.WheelSpeed") + wheel};
+  }
+  return MotionDecoder::create(dbc, signals).value();
+}
+
 class VehicleLogs : public testing::Test {
  protected:
   VehicleLogs() : scene_(bend_scene()) {
@@ -48,22 +60,14 @@ class VehicleLogs : public testing::Test {
 TEST_F(VehicleLogs, can_log_decodes_to_the_true_motion_and_the_declared_errors) {
   const std::string log =
       written("can.log", [&](OutputFile& file) { write_can_log(scene_, *motion_, 30, Random(1, 4), file); });
-  const DbcFile dbc = parse_dbc(vehicle_dbc(Scene{}), "vehicle.dbc");
-  EXPECT_TRUE(dbc.diagnostics.empty());
-  VehicleSignals signals;
-  signals.steering.sum = {"SteeringSensor.SteeringWheelAngle"};
-  for (const char* wheel : {"FL", "FR", "RL", "RR"}) {
-    signals.wheel_speeds.emplace_back().sum = {std::string("WheelSpeeds.WheelSpeed") + wheel};
-  }
-  auto decoder = MotionDecoder::create(dbc, signals);
-  ASSERT_TRUE(decoder) << decoder.error().message;
+  MotionDecoder decoder = decoder_of(Scene{});
   auto reader = CanLogReader::open(log);
   ASSERT_TRUE(reader) << reader.error().message;
   CanFrame frame;
   int steering_count = 0, wheel_count = 0;
   double most_steering_rad = 0, most_difference_mps = 0;
   while ((*reader)->read(frame, std::chrono::milliseconds(0)) == CanReadResult::frame) {
-    for (const MotionSample& sample : decoder->decode(frame)) {
+    for (const MotionSample& sample : decoder.decode(frame)) {
       const CarState car = motion_->at(drive_s(sample.time));
       if (const auto* steering = std::get_if<SteeringAngle>(&sample.value)) {
         const double offset_rad = rad_from_deg(scene_.errors.steering_offset_deg);
@@ -98,20 +102,13 @@ TEST_F(VehicleLogs, signals_come_in_the_steps_asked_for_such_as_the_papers_cars_
   scene_.errors.wheel_speed_step_kmph = 1;
   const std::string log =
       written("can.log", [&](OutputFile& file) { write_can_log(scene_, *motion_, 10, Random(1, 4), file); });
-  const DbcFile dbc = parse_dbc(vehicle_dbc(scene_), "vehicle.dbc");
-  VehicleSignals signals;
-  signals.steering.sum = {"SteeringSensor.SteeringWheelAngle"};
-  for (const char* wheel : {"FL", "FR", "RL", "RR"}) {
-    signals.wheel_speeds.emplace_back().sum = {std::string("WheelSpeeds.WheelSpeed") + wheel};
-  }
-  auto decoder = MotionDecoder::create(dbc, signals);
-  ASSERT_TRUE(decoder) << decoder.error().message;
+  MotionDecoder decoder = decoder_of(scene_);
   auto reader = CanLogReader::open(log);
   ASSERT_TRUE(reader) << reader.error().message;
   std::set<long> angles_deg, speeds_kmph;
   CanFrame frame;
   while ((*reader)->read(frame, std::chrono::milliseconds(0)) == CanReadResult::frame) {
-    for (const MotionSample& sample : decoder->decode(frame)) {
+    for (const MotionSample& sample : decoder.decode(frame)) {
       if (const auto* steering = std::get_if<SteeringAngle>(&sample.value)) {
         const double deg = deg_from_rad(steering->wheel_rad);
         angles_deg.insert(std::lround(deg));
