@@ -34,6 +34,14 @@ class InspectTest(ProgramTest):
         self.assertEqual(result.returncode, 0, result.stderr)
         return json.loads(result.stdout)
 
+    def test_a_drive_can_be_simulated_with_the_coarse_can_of_the_papers_car(self):
+        drive = self.folder / "coarse"
+        result = run("roadvec-simulate", "scene_a", drive, "--lidar", "VLP-16", "--duration", 0.5, "--coarse-can")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        dbc = (drive / "vehicle.dbc").read_text(encoding="utf-8")
+        self.assertRegex(dbc, r"SteeringWheelAngle : \S+ \(1,0\)")
+        self.assertRegex(dbc, r"WheelSpeedFL : \S+ \(1,0\)")
+
     def test_a_drive_is_described_in_words_and_in_json(self):
         result = run("roadvec-inspect", DRIVE)
         self.assertEqual(result.returncode, 0, result.stderr)

@@ -46,7 +46,7 @@ struct Arguments {
   std::string scene, out, lidar, picture;
   std::uint64_t seed = 1;
   double duration_s = 0, length_km = 2;
-  bool list = false, json = false, print_scene = false;
+  bool list = false, json = false, print_scene = false, coarse_can = false;
 };
 
 /// As a JSON string, quotes included.
@@ -119,8 +119,9 @@ int run(const Arguments& arguments, bool has_duration) {
     std::fputs(text->c_str(), stdout);
     return kDone;
   }
-  const auto scene = parse_scene(*text, arguments.scene);
+  auto scene = parse_scene(*text, arguments.scene);
   if (!scene) return failed(scene.error());
+  if (arguments.coarse_can) scene->errors.steering_step_deg = scene->errors.wheel_speed_step_kmph = 1;
   if (!arguments.picture.empty()) {
     const auto written = write_picture(*scene, arguments.picture);
     return written ? kDone : failed(written.error());
@@ -148,6 +149,8 @@ int parse_and_run(int argc, char** argv) {
   const CLI::Option* duration =
       app.add_option("--duration", arguments.duration_s, "seconds after which the drive ends at the latest")
           ->check(CLI::Range(0.1, 1e5));
+  app.add_flag("--coarse-can", arguments.coarse_can,
+               "CAN in steps of 1 degree and 1 km/h, as on the car of He et al. 2018, in place of the scene's");
   app.add_option("--length-km", arguments.length_km, "driven in the city (default 2)")->check(CLI::Range(0.3, 200.0));
   app.add_option("--picture", arguments.picture, "draw the scene from above into this SVG file, and exit");
   app.add_flag("--print-scene", arguments.print_scene, "print the scene file, and exit");
