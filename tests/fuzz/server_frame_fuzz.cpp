@@ -1,6 +1,7 @@
 #include <sys/socket.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <cstdlib>
 
@@ -38,10 +39,10 @@ struct World {
 /// answer to every request is a frame. The first input byte decides how the stream is cut into reads.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static World world;
-  int ends[2];
-  if (size == 0 || ::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, ends) != 0) return 0;
+  std::array<int, 2> ends{};
+  if (size == 0 || ::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, ends.data()) != 0) return 0;
   const FileDescriptor client(ends[1]);
-  Session session(FileDescriptor(ends[0]), 0);
+  Session session{FileDescriptor{ends[0]}, 0};
   char sink[1 << 16];
   const std::size_t step = 1 + data[0];
   for (std::size_t at = 1; at < size; at += step) {
