@@ -61,9 +61,14 @@ Daemon::Daemon(const Settings& settings, InputKind kind, Service& service, const
   server.start = head;
   server.facts = {.server_version = ROADVEC_VERSION, .anchor = anchor_of(settings_)};
   server_.emplace(server, frames_, poses_, [this] { return status(); });
+  store_.emplace(MapStoreConfig{.directory = settings_.storage.directory,
+                                .batch_interval = std::chrono::duration<double>(settings_.storage.batch_s),
+                                .start = head,
+                                .anchor = server.facts.anchor.value()},
+                 frames_);
 }
 
-int Daemon::run(const std::filesystem::path& output, const std::function<void()>& reload) {
+int Daemon::run(const std::optional<std::filesystem::path>& output, const std::function<void()>& reload) {
   if (kind_ == InputKind::live && settings_.real_time.lock_memory && !lock_memory()) {
     spdlog::warn(
         "memory is not locked: raise LimitMEMLOCK (systemd) or ulimit -l, or set real_time.lock_memory = false");
@@ -73,14 +78,13 @@ int Daemon::run(const std::filesystem::path& output, const std::function<void()>
   Service::ready();
   supervise(reload);
   Service::stopping();
-  input_stop_.request_stop();
-  for (std::jthread& thread : threads_) {
-    if (&thread != &threads_.back() || !server_) thread.join();
-  }
-  server_stop_.request_stop();
-  threads_.clear();
+  join_threads();
   take_reports();
-  const int written = write_results(output);
+  int written = output ? write_results(*output) : 0;
+  if (store_report_.durable_seq < optimiser_report_.head.seq && store_) {
+    spdlog::error("the end of the map is not on the disk: {}", store_report_.state);
+    written = 1;
+  }
   if (kind_ == InputKind::recorded && !lidar_->warning().empty()) spdlog::warn("{}", lidar_->warning());
   if (!lidar_->error().empty()) {
     spdlog::error("{}", lidar_->error());
@@ -95,11 +99,22 @@ int Daemon::run(const std::filesystem::path& output, const std::function<void()>
   return written;
 }
 
+/// In the order in which data flows, so that each finds all that comes before it; the server is last, so that clients
+/// hear what became of it.
+void Daemon::join_threads() {
+  input_stop_.request_stop();
+  for (std::jthread& thread : threads_) thread.join();
+  store_stop_.request_stop();
+  if (store_thread_.joinable()) store_thread_.join();
+  server_stop_.request_stop();
+  if (server_thread_.joinable()) server_thread_.join();
+}
+
 void Daemon::start_threads() {
   const RealTimeSettings none{.lidar_priority = 0, .vehicle_priority = 0, .mapping_priority = 0, .lock_memory = false};
   const RealTimeSettings real_time = kind_ == InputKind::live ? settings_.real_time : none;
   const auto start = [this](const char* name, int priority, int cpu, auto&& body) {
-    threads_.emplace_back([name, priority, cpu, body] {
+    return std::jthread([name, priority, cpu, body] {
       if (!set_up_thread(name, priority, cpu)) {
         spdlog::warn("{} runs without real-time priority {} on cpu {}: raise LimitRTPRIO, or set it to 0", name,
                      priority, cpu);
@@ -107,24 +122,28 @@ void Daemon::start_threads() {
       body();
     });
   };
-  start("rv-lidar", real_time.lidar_priority, real_time.lidar_cpu, [this] {
+  threads_.push_back(start("rv-lidar", real_time.lidar_priority, real_time.lidar_cpu, [this] {
     lidar_->run(input_stop_.get_token());
     input_over_ = true;
-  });
-  start("rv-vehicle", real_time.vehicle_priority, real_time.vehicle_cpu,
-        [this] { vehicle_->run(input_stop_.get_token()); });
-  start("rv-mapping", real_time.mapping_priority, real_time.mapping_cpu,
-        [this] { mapping_->run(hard_stop_.get_token()); });
-  start("rv-optimiser", 0, real_time.background_cpu, [this] {
+  }));
+  threads_.push_back(start("rv-vehicle", real_time.vehicle_priority, real_time.vehicle_cpu,
+                           [this] { vehicle_->run(input_stop_.get_token()); }));
+  threads_.push_back(start("rv-mapping", real_time.mapping_priority, real_time.mapping_cpu,
+                           [this] { mapping_->run(hard_stop_.get_token()); }));
+  threads_.push_back(start("rv-optimiser", 0, real_time.background_cpu, [this] {
     optimiser_->run(hard_stop_.get_token());
     map_finished_ = true;
+  }));
+  if (kind_ == InputKind::recorded) return;
+  const auto stop_for = [](const char* whose) {
+    spdlog::critical("the map {} lost its copy of the map; stopping", whose);
+    ::kill(::getpid(), SIGTERM);
+  };
+  store_thread_ = start("rv-store", 0, real_time.background_cpu, [this, stop_for] {
+    if (!store_->run(store_stop_.get_token())) stop_for("store");
   });
-  if (!server_) return;
-  start("rv-server", 0, real_time.background_cpu, [this] {
-    if (!server_->run(server_stop_.get_token())) {
-      spdlog::critical("the map server lost its copy of the map; stopping");
-      ::kill(::getpid(), SIGTERM);
-    }
+  server_thread_ = start("rv-server", 0, real_time.background_cpu, [this, stop_for] {
+    if (!server_->run(server_stop_.get_token())) stop_for("server");
   });
 }
 
@@ -162,9 +181,18 @@ void Daemon::take_reports() {
   clock_report_ = lidar_->clock().load();
   vehicle_counts_ = vehicle_->counts().load();
   mapping_report_ = mapping_->reports().load();
+  if (store_) {
+    StoreReport report = store_->report();
+    if (report.state != store_report_.state) {
+      spdlog::log(report.in_trouble ? spdlog::level::warn : spdlog::level::info, "store: {}", report.state);
+    }
+    store_report_ = std::move(report);
+  }
+  // After the store's, so that what is durable is never ahead of it.
   optimiser_report_ = optimiser_->reports().load();
 }
 
+/// The store is not among them: a disk that hangs is no reason to end mapping.
 bool Daemon::every_stage_moved() {
   const std::array<std::uint64_t, 4> turns{lidar_->turns().value(), vehicle_->turns().value(),
                                            mapping_->turns().value(), optimiser_->turns().value()};
@@ -180,6 +208,7 @@ void Daemon::log_progress() {
                                  now.state, mapping_->sweep_count().value(), now.keyframe_count, now.travelled_m,
                                  now.map_length_m, now.loop_closure_count);
   if (!now.not_growing_reason.empty()) line += " | " + now.not_growing_reason;
+  if (store_report_.in_trouble) line += " | " + store_report_.state;
   Service::status(line);
   if (kind_ == InputKind::recorded) {
     if (::isatty(STDERR_FILENO) != 0) fmt::print(stderr, "\r\x1b[K{}", line);

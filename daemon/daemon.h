@@ -18,12 +18,13 @@
 #include "daemon/stages/mapping_stage.h"
 #include "daemon/stages/optimiser_stage.h"
 #include "daemon/stages/vehicle_stage.h"
+#include "daemon/store/map_store.h"
 
 namespace roadvec {
 
 /// The wiring: every ring, stage and thread.
 ///
-///   lidar   --sweeps--> mapping --keyframes--> optimiser --frames--> server (live)
+///   lidar   --sweeps--> mapping --keyframes--> optimiser --frames--> server, store (live)
 ///   vehicle --motion--> mapping --pose-------------------------------> server
 ///
 /// Nothing flows back. The main thread reads counters, tells systemd and the log, and stops the rest: inputs first,
@@ -33,9 +34,9 @@ class Daemon {
   /// Opens every input and socket and reserves all memory; throws std::runtime_error with one line and the remedy.
   Daemon(const Settings& settings, InputKind kind, Service& service, const PassedSockets& sockets);
 
-  /// Until the recording is over or SIGINT or SIGTERM comes; SIGHUP calls `reload`. Then writes the map to `output`.
-  /// Gives the exit status.
-  int run(const std::filesystem::path& output, const std::function<void()>& reload);
+  /// Until the recording is over or SIGINT or SIGTERM comes; SIGHUP calls `reload`. Then writes the files of a finished
+  /// drive to `output`, if there is one. Gives the exit status.
+  int run(const std::optional<std::filesystem::path>& output, const std::function<void()>& reload);
 
   [[nodiscard]] wire::Status status() const;
 
@@ -52,6 +53,8 @@ class Daemon {
   [[nodiscard]] wire::Stage vehicle_status() const;
   [[nodiscard]] wire::Stage mapping_status() const;
   [[nodiscard]] wire::Stage optimiser_status() const;
+  [[nodiscard]] wire::Stage store_status() const;
+  void join_threads();
   int write_results(const std::filesystem::path& output) const;
 
   Settings settings_;  ///< as configured, with the anchor
@@ -72,10 +75,12 @@ class Daemon {
   std::optional<MappingStage> mapping_;
   std::optional<OptimiserStage> optimiser_;
   std::optional<MapServer> server_;
+  std::optional<MapStore> store_;
 
-  std::stop_source input_stop_, hard_stop_, server_stop_;
+  std::stop_source input_stop_, hard_stop_, store_stop_, server_stop_;
   std::atomic<bool> input_over_{false}, map_finished_{false};
-  std::vector<std::jthread> threads_;
+  std::vector<std::jthread> threads_;  ///< of what comes before the log
+  std::jthread store_thread_, server_thread_;
   std::chrono::steady_clock::time_point started_;
   std::array<std::uint64_t, 4> last_turns_{};
   std::size_t warned_sender_count_ = 0;
@@ -86,6 +91,7 @@ class Daemon {
   VehicleCounts vehicle_counts_;
   MappingReport mapping_report_;
   OptimiserReport optimiser_report_;
+  StoreReport store_report_;
 };
 
 }  // namespace roadvec

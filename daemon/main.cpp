@@ -23,9 +23,13 @@ constexpr int kExitFailure = 1, kExitUsage = 2, kExitConfig = 78;  // EX_CONFIG:
 constexpr const char* kFooter = R"(
 IN THE CAR
   roadvecd reads the LiDAR's UDP packets, the CAN bus and the IMU as its
-  configuration says, serves the growing map on a UNIX socket, and writes the
-  map when SIGTERM or SIGINT asks it to end. SIGHUP reads the configuration
-  again: log.level changes at once, other keys are named and wait for a restart,
+  configuration says, serves the growing map on a UNIX socket, and keeps it in
+  map.gpkg, a GeoPackage, which ogrinfo and QGIS open meanwhile. Every batch of
+  changes is on the disk when 'roadvec status' says so (durable). Each start adds
+  a part to the file. A full disk, a lock, a file moved away: mapping goes on, the
+  status says so, and it is written when the cause is gone. A damaged file is set
+  aside as map-damaged-<UTC>.gpkg. SIGTERM and SIGINT end it; with --out it then
+  leaves the files below too. SIGHUP reads the configuration again: log.level changes at once, other keys are named and wait for a restart,
   and a wrong file changes nothing. UDP ports and the map's socket are taken over
   where systemd hands them over (roadvec-lidar.socket, roadvec-map.socket), and
   opened where not.
@@ -55,7 +59,7 @@ EXAMPLES
 FILES
   /etc/roadvec/roadvecd.toml   the configuration
   /run/roadvec/map.sock        the map's socket; members of the group roadvec may connect
-  /var/lib/roadvec             the map)";
+  /var/lib/roadvec/map.gpkg    the map)";
 
 struct Arguments {
   std::string config = "/etc/roadvec/roadvecd.toml", drive, out;
@@ -83,12 +87,15 @@ void warn_of_unused(const Settings& settings, const PassedSockets& sockets) {
 
 int run(const Arguments& arguments, const Settings& settings, const PassedSockets& sockets) {
   const InputKind kind = arguments.drive.empty() ? InputKind::live : InputKind::recorded;
-  const std::filesystem::path output =
-      arguments.out.empty() ? settings.storage.directory : std::filesystem::path(arguments.out);
-  if (const Expected<void> ready = make_writable(output); !ready) throw std::runtime_error(ready.error().message);
+  Settings placed = settings;
+  std::optional<std::filesystem::path> output;
+  if (!arguments.out.empty()) {
+    placed.storage.directory = *(output = arguments.out);
+    if (const Expected<void> ready = make_writable(*output); !ready) throw std::runtime_error(ready.error().message);
+  }
   Service service;
   warn_of_unused(settings, sockets);
-  Daemon daemon(settings, kind, service, sockets);
+  Daemon daemon(placed, kind, service, sockets);
   spdlog::info(
       "roadvecd {} started: {} {}", ROADVEC_VERSION, settings.lidar.model,
       kind == InputKind::live ? "on UDP port " + std::to_string(settings.lidar.port) : "from " + arguments.drive);
@@ -109,7 +116,7 @@ int main(int argc, char** argv) {
           ->type_name("FILE")
           ->capture_default_str();
   auto* drive = app.add_option("--drive", arguments.drive, "map this recorded drive and exit")->type_name("DIR");
-  app.add_option("--out", arguments.out, "where the map goes (default: storage.directory)")->type_name("DIR");
+  app.add_option("--out", arguments.out, "where the map goes, in place of storage.directory")->type_name("DIR");
   app.add_flag("--check-config", arguments.check_config, "check the configuration (or drive) and exit");
   app.add_flag("--print-config", arguments.print_config, "print every key with range, default and meaning, and exit");
   app.footer(kFooter);

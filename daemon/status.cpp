@@ -206,6 +206,21 @@ wire::Stage Daemon::optimiser_status() const {
   return stage;
 }
 
+wire::Stage Daemon::store_status() const {
+  const StoreReport& report = store_report_;
+  return {.name = "store",
+          .state = report.state,
+          .counters = {{"batches", report.batch_count},
+                       {"failed_batches", report.failed_count},
+                       {"opened", report.opened_count},
+                       {"set_aside", report.set_aside_count},
+                       {"unwritten_lines", report.unwritten_line_count}},
+          .gauges = {{"file_bytes", report.file_bytes},
+                     {"log_bytes", report.log_bytes},
+                     {"longest_batch_ms", report.longest_batch_ms}},
+          .timings = {}};
+}
+
 wire::Status Daemon::status() const {
   const std::scoped_lock lock(reports_mutex_);
   wire::Status status;
@@ -213,6 +228,7 @@ wire::Status Daemon::status() const {
   status.server_version = ROADVEC_VERSION;
   status.epoch = optimiser_report_.head.epoch;
   status.head_seq = optimiser_report_.head.seq;
+  status.durable_seq = store_report_.durable_seq;
   const BackEndReport& back_end = optimiser_report_.back_end;
   status.keyframe_count = back_end.keyframe_count;
   status.loop_closure_count = back_end.loops.accepted_count;
@@ -221,6 +237,7 @@ wire::Status Daemon::status() const {
   status.travelled_m = mapping_report_.front_end.travelled_m;
   status.uptime_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - started_).count();
   status.stages = {lidar_status(), clock_status(), vehicle_status(), mapping_status(), optimiser_status()};
+  if (store_) status.stages.push_back(store_status());
   status.state = map_finished_ ? "finished" : input_over_ ? "finishing" : "mapping";
   if (lidar_counters_.received.value() == 0) {
     status.not_growing_reason =
@@ -234,6 +251,7 @@ wire::Status Daemon::status() const {
   } else if (mapping_report_.front_end.sweep_count > 0 && mapping_report_.speed_source == MotionSource::none) {
     status.not_growing_reason = "no motion: neither wheel speed nor a match";
   }
+  if (store_report_.in_trouble && status.state == "mapping") status.state = "degraded";
   if (!status.not_growing_reason.empty() && !input_over_) status.state = "waiting";
   return status;
 }

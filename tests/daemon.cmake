@@ -2,6 +2,7 @@ roadvec_test(daemon_server tests/daemon/server LABEL threads LINKS daemon_server
 if(TARGET test_daemon_server)
   add_dependencies(test_daemon_server roadvec)  # runs it
 endif()
+roadvec_test(daemon_store tests/daemon/store LABEL threads LINKS daemon_store)
 roadvec_test(daemon_config tests/daemon/config LINKS daemon_config)
 roadvec_test(daemon_replay tests/daemon/replay LINKS daemon_config)
 if(TARGET test_daemon_replay)

@@ -19,6 +19,7 @@ ALLOWED = {
     "core/wire": BASE + ["core/map"],
     "core/pipeline": BASE + ["core/odometry", "core/boundary", "core/map", "core/graph"],
     "drivers": ["core/base", "core/sensor", "drivers"],
+    "daemon/store": ["core", "daemon/server", "daemon/store"],
     "daemon/config": ["core", "drivers", "daemon/config"],
     "daemon/server": ["core", "daemon/server"],
     "daemon/stages": ["core", "drivers", "daemon/config", "daemon/server", "daemon/stages"],

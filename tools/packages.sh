@@ -4,12 +4,13 @@ set -euo pipefail
 
 build=(g++ cmake ninja-build pkg-config libeigen3-dev libceres-dev libpcap-dev zlib1g-dev libzstd-dev libspdlog-dev
   libsystemd-dev libtomlplusplus-dev libcli11-dev libprotozero-dev libgeographiclib-dev libexpected-dev libpugixml-dev
-  libyaml-dev libpolyclipping-dev nlohmann-json3-dev
+  libyaml-dev libpolyclipping-dev libsqlite3-dev nlohmann-json3-dev
   libgtest-dev libgmock-dev libbenchmark-dev)
 package=("${build[@]}" python3 protobuf-compiler dpkg-dev)
 demo=("${build[@]}" python3)
 test=("${package[@]}" python3-protobuf clang-14 libclang-rt-14-dev clang-format-14 clang-tidy-14
-  xz-utils tar git user-mode-linux systemd kmod iproute2 can-utils mmdebstrap groff-base)
+  xz-utils tar git user-mode-linux systemd kmod iproute2 can-utils mmdebstrap groff-base
+  gdal-bin python3-gdal osmium-tool)
 bench=("${build[@]}" libpcl-dev xz-utils tar)
 
 case ${1:-} in

@@ -89,7 +89,7 @@ ctest --preset asan-ubsan -j 2 -R '^(core_|drivers_|daemon_|fuzz[.])' -E LongDri
 
 say "build and tests: thread sanitizer (everything that has threads)"
 cmake --preset tsan >/dev/null
-cmake --build --preset tsan --target test_core_ring test_daemon_server test_daemon_stages test_drivers_imu
+cmake --build --preset tsan --target test_core_ring test_daemon_server test_daemon_stages test_daemon_store test_drivers_imu
 ctest --preset tsan -j 2 -L threads --output-junit "$PWD/build/tsan/tests.xml"
 
 say "lint: the parsers of outside bytes"

@@ -149,6 +149,7 @@ void visit_fields(ServerSettings& s, StorageSettings& storage, LogSettings& log,
   field("server.socket", s.socket, "UNIX socket that serves the map").naming(Names::output_file);
   field("server.control_socket", s.control_socket, "UNIX socket for commands of the owner").naming(Names::output_file);
   field("storage.directory", storage.directory, "folder of map.gpkg").naming(Names::output_file);
+  field("storage.batch_s", storage.batch_s, 0.05, 60, "time between two writes: what a power cut may cost");
   field("log.level", log.level, kLogLevels, "least important message that is written");
   field("log.target", log.target, kLogTargets, "auto: the journal when started by systemd, else the terminal");
 }

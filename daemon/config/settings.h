@@ -102,6 +102,7 @@ struct ServerSettings {
 
 struct StorageSettings {
   std::filesystem::path directory = "/var/lib/roadvec";
+  double batch_s = 2;  ///< choice: what a crash may cost, against wear of the disk
 };
 
 enum class LogLevel : std::uint8_t { trace, debug, info, warning, error };

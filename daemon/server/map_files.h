@@ -17,6 +17,11 @@ namespace roadvec {
 /// (0.1 mm), through the full 3-D transform at the anchor. Foreign member "anchor": where the map frame lies.
 [[nodiscard]] std::string geojson_of(const VectorMap& map, const Anchor& anchor);
 
+/// Lanelet2's OSM XML: curbstone (high, low) and road_border with height, ele at every node, nodes at least 5 cm apart;
+/// vehicle rows are left out. Without lanelets: a base to draw them on. A comment says what map_projector_info.yaml is
+/// to say.
+[[nodiscard]] std::string lanelet2_of(const VectorMap& map, const Anchor& anchor);
+
 /// A picture of the map frame, North up: lines coloured by kind, trajectory (if any), scale, legend. For 20 m to some
 /// km.
 [[nodiscard]] std::string svg_of(const VectorMap& map, std::span<const Eigen::Vector2d> trajectory,

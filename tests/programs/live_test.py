@@ -1,19 +1,17 @@
 """roadvecd as in the car: a drive played at its true rate into UDP, a FIFO and a serial line, and clients on the map socket."""
 
 import json
-import os
-import signal
 import socket
 import struct
 import subprocess
 import sys
-import time
 import types
 
 import programs
 import roadvec_client
 import streamed_test
-from programs import DRIVE, SOURCE, ProgramTest, counters_of, drive_toml, read_json, run, running
+from live import LiveDaemonTest
+from programs import DRIVE, SOURCE, counters_of, drive_toml, read_json, run, running
 
 HALF_A_FRAME = struct.pack("<I", 1000) + b"half"
 TOO_LONG = struct.pack("<I", 0xFFFFFFFF)
@@ -24,61 +22,7 @@ def map_length_m(map_folder):
     return read_json(map_folder / "report.json")["map_length_m"]
 
 
-class LiveTest(ProgramTest):
-    def setUp(self):
-        super().setUp()
-        self.fifo, self.serial, self.socket = (self.folder / name for name in ("can.fifo", "imu", "map.sock"))
-        self.map = self.folder / "map"
-        os.mkfifo(self.fifo)
-        self.tables = self.car_tables(can=str(self.fifo))
-
-    def wait_until_it_serves(self, daemon):
-        def answers():
-            with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
-                return probe.connect_ex(str(self.socket)) == 0
-
-        self.wait_until("the map socket", lambda: answers() or daemon.poll() is not None)
-        self.assertIsNone(daemon.poll(), "roadvecd has ended")
-
-    def wait_until(self, what, happened, limit_s=20):
-        end = time.monotonic() + limit_s
-        while time.monotonic() < end:
-            if answer := happened():
-                return answer
-            time.sleep(0.05)
-        return self.fail(f"{what}: not within {limit_s} s")
-
-    def roadvec(self, *arguments):
-        result = run("roadvec", "--socket", self.socket, *arguments, timeout_s=30)
-        self.assertEqual(result.returncode, 0, f"{arguments}: {result.stderr}")
-        return result.stdout
-
-    def status(self):
-        return json.loads(self.roadvec("status", "--json"))
-
-    def connection(self):
-        connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self.addCleanup(connection.close)
-        connection.connect(str(self.socket))
-        return connection
-
-    def stop(self, daemon):
-        begin = time.monotonic()
-        daemon.send_signal(signal.SIGTERM)
-        _, log = daemon.communicate(timeout=30)
-        self.assertEqual(daemon.returncode, 0, log)
-        self.assertLess(time.monotonic() - begin, 10)
-        return log
-
-    def use_serial_line(self):
-        settings = drive_toml()["imu"]
-        del settings["log"]
-        self.tables["imu"] = {**settings, "device": str(self.serial)}
-
-    def replay(self, *arguments, drive=DRIVE):
-        return running("roadvec-replay", drive, "--udp", f"127.0.0.1:{self.tables['lidar']['port']}", "--position-port", 0,
-                       "--can-pipe", self.fifo, "--imu-pty", self.serial, "--json", *arguments)
-
+class LiveTest(LiveDaemonTest):
     def python_client(self, lines_file):
         client = subprocess.Popen([sys.executable, SOURCE / "tests/support/python/roadvec_client.py", "--proto",
                                    SOURCE / "core/wire/roadvec.proto", "--socket", self.socket, "--lines", lines_file])
@@ -101,7 +45,7 @@ class LiveTest(ProgramTest):
         lines_file, watched = self.folder / "lines.json", self.folder / "watched"
         with self.replay() as replay:
             self.wait_until("the serial line", self.serial.is_symlink)
-            with running("roadvecd", "--config", self.car_file(self.tables)) as daemon:
+            with self.daemon() as daemon:
                 self.wait_until_it_serves(daemon)
                 client = self.python_client(lines_file)
                 self.send_rubbish()
@@ -201,7 +145,7 @@ class LiveTest(ProgramTest):
         self.use_serial_line()
         with self.replay() as replay:
             self.wait_until("the serial line", self.serial.is_symlink)
-            with running("roadvecd", "--config", self.car_file(self.tables)) as daemon:
+            with self.daemon() as daemon:
                 self.wait_until_it_serves(daemon)
                 self.wait_until("a map", lambda: self.status()["line_count"] > 2)
                 self.assertIn("map written to", self.stop(daemon))
@@ -217,7 +161,7 @@ class LiveTest(ProgramTest):
         self.tables["lidar"]["calibration"] = "streamed"
         with self.replay(drive=drive) as replay:
             self.wait_until("the serial line", self.serial.is_symlink)
-            with running("roadvecd", "--config", self.car_file(self.tables)) as daemon:
+            with self.daemon() as daemon:
                 self.wait_until_it_serves(daemon)
                 waiting = self.wait_until("packets", lambda: (s := self.status()) and counters_of(s, "lidar")["received"] and s)
                 self.assertIn("calibration that the sensor streams", waiting["not_growing_reason"])
@@ -228,7 +172,7 @@ class LiveTest(ProgramTest):
                 self.assertIsNone(replay.poll())
 
     def test_a_daemon_without_any_input_says_so_and_stops_when_asked(self):
-        with running("roadvecd", "--config", self.car_file(self.tables)) as daemon:
+        with self.daemon() as daemon:
             self.wait_until_it_serves(daemon)
             status = self.status()
             self.assertEqual(status["state"], "waiting")
@@ -237,7 +181,7 @@ class LiveTest(ProgramTest):
         self.assertEqual(read_json(self.map / "map.geojson")["features"], [])
 
     def test_a_second_daemon_is_refused(self):
-        with running("roadvecd", "--config", self.car_file(self.tables)) as daemon:
+        with self.daemon() as daemon:
             self.wait_until_it_serves(daemon)
             self.tables["lidar"]["port"] = programs.free_udp_port()
             second = run("roadvecd", "--config", self.car_file(self.tables), timeout_s=20)

@@ -162,7 +162,7 @@ class PackageStory(unittest.TestCase):
         self.check_counters(status, played)
         self.check_watched(watched)
         self.check_map(exported, status)
-        kept = json.loads((STATE / "map.geojson").read_text(encoding="utf-8"))
+        kept = json.loads(shell(f"roadvec export geojson --map {STATE / 'map.gpkg'}"))
         self.assertEqual(len(kept["features"]), len(exported["features"]))
 
     def play(self):
@@ -290,7 +290,7 @@ class PackageStory(unittest.TestCase):
         apt("remove roadvec")
         self.assertEqual(show("LoadState"), "masked")
         self.assertFalse(pathlib.Path("/usr/sbin/roadvecd").exists() or pathlib.Path("/run/roadvec").exists())
-        self.assertTrue((STATE / "map.geojson").exists() and CONFIGURATION.exists())
+        self.assertTrue((STATE / "map.gpkg").exists() and CONFIGURATION.exists())
         CAR_DBC.unlink()
         apt("purge roadvec")
         self.assertEqual([path for path in (STATE, CONFIGURATION.parent) if path.exists()], [])

@@ -26,11 +26,19 @@ struct WatchChoice {
   std::uint64_t message_count = 0;  ///< 0: until the daemon says Bye
 };
 
+enum class ExportFormat : std::uint8_t { gpkg, geojson, lanelet2 };
+struct ExportChoice {
+  ExportFormat format = ExportFormat::geojson;
+  std::string output_path;
+  std::string map_file;   ///< empty: the daemon's map
+  std::int64_t part = 0;  ///< of the file; 0: the newest
+};
+
 // Each command prints its result, or one line on standard error, and gives the exit code.
 [[nodiscard]] int show_status(const Connection& connection);
 [[nodiscard]] int list_tiles(const Connection& connection, const TileChoice& choice);
 [[nodiscard]] int watch(const Connection& connection, const WatchChoice& choice);
-[[nodiscard]] int export_geojson(const Connection& connection, const std::string& output_path);
+[[nodiscard]] int export_map(const Connection& connection, const ExportChoice& choice);
 [[nodiscard]] int render_svg(const Connection& connection, const std::string& output_path, const std::string& title);
 
 /// "x_min,y_min,x_max,y_max" in metres.

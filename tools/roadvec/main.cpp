@@ -17,6 +17,7 @@ COMMANDS IN SHORT
   roadvec tiles --around 100         the 64 m tiles within 100 m of the vehicle
   roadvec watch --poses --json       every change and pose as it comes, one JSON object per line
   roadvec export geojson -o map.geojson
+  roadvec export lanelet2 -o map.osm --map /var/lib/roadvec/map.gpkg
   roadvec render -o map.svg
 
 EXIT STATUS
@@ -48,7 +49,8 @@ int main(int argc, char** argv) try {
   roadvec::Connection connection;
   roadvec::TileChoice tiles;
   roadvec::WatchChoice watch;
-  std::string geojson_path = "-", svg_path = "map.svg", title = "roadvec map";
+  roadvec::ExportChoice choice;
+  std::string svg_path = "map.svg", title = "roadvec map";
   int exit_code = roadvec::kExitUsage;
 
   CLI::App app(kDescription, "roadvec");
@@ -90,11 +92,30 @@ int main(int argc, char** argv) try {
   follow->add_option("-n,--count", watch.message_count, "stop after so many messages; 0: never");
   follow->callback([&] { exit_code = roadvec::watch(connection, watch); });
 
-  CLI::App* exporter = app.add_subcommand("export", "the whole map as a file");
+  CLI::App* exporter = app.add_subcommand("export", "the whole map as a file, from the daemon or from its own file");
   exporter->require_subcommand(1);
-  CLI::App* geojson = exporter->add_subcommand("geojson", "GeoJSON (RFC 7946): WGS 84 longitude, latitude, height");
-  geojson->add_option("-o,--output", geojson_path, "file to write; - is standard output")->capture_default_str();
-  geojson->callback([&] { exit_code = roadvec::export_geojson(connection, geojson_path); });
+  auto* map_file =
+      exporter->add_option("--map", choice.map_file, "take this file (map.gpkg), also while no daemon runs")
+          ->type_name("FILE");
+  exporter->add_option("--part", choice.part, "which of the file's parts (table `parts`); 0: the newest")
+      ->check(CLI::NonNegativeNumber)
+      ->needs(map_file);
+  using enum roadvec::ExportFormat;
+  for (const auto& [format, name, default_path, meaning] :
+       {std::tuple{gpkg, "gpkg", "map.gpkg",
+                   "GeoPackage: one file for QGIS and ogr, nothing private in it but its version"},
+        {geojson, "geojson", "-", "GeoJSON (RFC 7946): WGS 84 longitude, latitude, height"},
+        {lanelet2, "lanelet2", "-", "Lanelet2 (OSM XML): curbstone and road_border, nodes with ele"}}) {
+    CLI::App* command = exporter->add_subcommand(name, meaning);
+    auto path = std::make_shared<std::string>(default_path);
+    command->add_option("-o,--output", *path, "file to write; - is standard output (not for gpkg)")
+        ->capture_default_str();
+    command->callback([&, path, format = format] {
+      choice.format = format;
+      choice.output_path = *path;
+      exit_code = roadvec::export_map(connection, choice);
+    });
+  }
 
   CLI::App* render = app.add_subcommand("render", "a picture (SVG) of the whole map");
   render->add_option("-o,--output,output", svg_path, "file to write; - is standard output")->capture_default_str();

@@ -52,6 +52,53 @@ TEST(GeoJson, a_line_of_one_vertex_is_no_line_string) {
   EXPECT_THAT(geojson_of({}, kAnchor), HasSubstr("\"features\":[\n]"));
 }
 
+/// The line as a way, without its end; empty: it was left out.
+std::string way_of(const MapLine& line) {
+  const std::string text = lanelet2_of({{line.id, line}}, kAnchor);
+  const std::size_t begin = text.find("<way");
+  return begin == std::string::npos ? "" : text.substr(begin, text.find("</way>") - begin);
+}
+
+TEST(Lanelet2, tells_kerbs_by_their_height_and_takes_a_barrier_for_the_end_of_the_road) {
+  MapLine line = kerb();
+  EXPECT_THAT(way_of(line),
+              HasSubstr(R"(<tag k="type" v="curbstone"/><tag k="subtype" v="high"/><tag k="height" v="0.120"/>)"));
+  line.attributes.height_m = 0.05F;
+  EXPECT_THAT(way_of(line), HasSubstr(R"(<tag k="subtype" v="low"/>)"));
+  line.attributes.kind = BoundaryKind::barrier;
+  line.attributes.height_m = 1.2F;
+  EXPECT_THAT(way_of(line), HasSubstr(R"(<tag k="type" v="road_border"/><tag k="height" v="1.200"/>)"));
+  line.attributes.kind = BoundaryKind::vehicle_row;
+  EXPECT_EQ(way_of(line), "");
+}
+
+TEST(Lanelet2, places_nodes_with_their_height_before_the_ways_that_use_them) {
+  const std::string text = lanelet2_of({{42, kerb()}}, kAnchor);
+  EXPECT_THAT(text, HasSubstr("<node id=\"1\" version=\"1\" visible=\"true\" lat=\"49.000000000\" lon=\"8.400000000\">"
+                              "<tag k=\"ele\" v=\"112.0000\"/></node>"));
+  EXPECT_THAT(text, HasSubstr("<nd ref=\"1\"/><nd ref=\"2\"/>"));
+  EXPECT_LT(text.find("node id=\"2\""), text.find("<way"));
+}
+
+TEST(Lanelet2, keeps_nodes_five_centimetres_apart_and_both_ends) {
+  MapLine line = kerb();
+  line.vertices = {{0, 0}, {0.03, 0}, {1, 0}, {1.02, 0}, {1.96, 0}, {2, 0}};
+  const std::string text = lanelet2_of({{42, line}}, kAnchor);
+  EXPECT_THAT(way_of(line), HasSubstr("<nd ref=\"1\"/><nd ref=\"2\"/><nd ref=\"3\"/><tag"));
+  line.vertices = {{0, 0}, {1, 0}, {2, 0}};
+  EXPECT_EQ(lanelet2_of({{42, line}}, kAnchor), text);
+}
+
+TEST(Lanelet2, a_ring_stays_and_a_dot_goes) {
+  MapLine line = kerb();
+  line.vertices = {{0, 0}, {1, 0}, {1, 1}, {0, 0}};
+  EXPECT_THAT(way_of(line), HasSubstr("<nd ref=\"4\"/><tag"));
+  line.vertices = {{0, 0}, {0.02, 0}, {0.04, 0}};
+  EXPECT_EQ(way_of(line), "");
+  line.vertices.resize(1);
+  EXPECT_EQ(way_of(line), "");
+}
+
 TEST(TileBytes, are_what_a_client_receives_of_every_tile) {
   EXPECT_EQ(tile_bytes({}), 0U);
   MapLine far = kerb();

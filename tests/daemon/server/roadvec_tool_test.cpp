@@ -64,6 +64,26 @@ TEST_F(RoadvecToolTest, prints_status_tiles_and_changes) {
   EXPECT_THAT(watched.output, HasSubstr(R"("type":"delta")"));
 }
 
+TEST_F(RoadvecToolTest, exports_in_every_format_and_the_file_says_the_same_as_the_daemon) {
+  start();
+  publish(130);
+  wire::MapReplica replica;
+  MapClient client = connect();
+  ASSERT_TRUE(client.send(wire::Subscribe{}));
+  follow(client, replica, head_seq());
+  const std::string file = (folder_ / "map.gpkg").string();
+  EXPECT_EQ(run("export gpkg -o -").exit_status, 2);
+  ASSERT_EQ(run("export gpkg -o " + file).exit_status, 0);
+  EXPECT_EQ(run("export lanelet2").output, lanelet2_of(story_.map(), *config_.facts.anchor));
+  stop();
+  EXPECT_EQ(run("export lanelet2 --map " + file).output, lanelet2_of(story_.map(), *config_.facts.anchor));
+  EXPECT_THAT(run("export geojson --map " + file).output, HasSubstr("\"kind\":\"curb\""));
+  EXPECT_THAT(run("export geojson --part 7 --map " + file).output, HasSubstr("no such part; it has 1"));
+  EXPECT_EQ(run("export geojson --map /missing/map.gpkg").exit_status, 1);
+  EXPECT_EQ(run("export geojson --part 1").exit_status, 2);
+  EXPECT_EQ(run("export gpkg -o /missing/map.gpkg --map " + file).exit_status, 1);
+}
+
 TEST_F(RoadvecToolTest, exports_the_same_geojson_as_the_daemon_and_draws_it) {
   start();
   publish(130);

@@ -1,0 +1,255 @@
+#include "daemon/store/map_file.h"
+
+#include <GeographicLib/LocalCartesian.hpp>
+#include <algorithm>
+#include <cmath>
+#include <string_view>
+
+#include "core/map/tiles.h"
+#include "daemon/store/schema.h"
+
+namespace roadvec {
+namespace {
+
+/// A reader that stays open keeps the log from being reused; beyond 16 MiB it is cut once he has gone.
+constexpr const char* kLiveSettings =
+    "PRAGMA synchronous = FULL; PRAGMA journal_size_limit = 16777216; SELECT count(*) FROM sqlite_master; "
+    "PRAGMA wal_checkpoint(TRUNCATE)";
+
+constexpr const char* kNow = "strftime('%Y-%m-%dT%H:%M:%fZ', 'now')";
+
+constexpr const char* kUpsert = R"(
+INSERT INTO boundaries (geom, part, line_id, revision, kind, height_m, existence, observation_count, first_end, last_end,
+  first_seen_ns, last_seen_ns, sigma_across_m, sigma_along_m) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)
+ON CONFLICT (part, line_id) DO UPDATE SET geom = excluded.geom, revision = excluded.revision, kind = excluded.kind,
+  height_m = excluded.height_m, existence = excluded.existence, observation_count = excluded.observation_count,
+  first_end = excluded.first_end, last_end = excluded.last_end, first_seen_ns = excluded.first_seen_ns,
+  last_seen_ns = excluded.last_seen_ns, sigma_across_m = excluded.sigma_across_m, sigma_along_m = excluded.sigma_along_m)";
+
+constexpr const char* kSelectLines = R"(
+SELECT geom, line_id, revision, kind, height_m, existence, observation_count, first_end, last_end, first_seen_ns,
+  last_seen_ns, sigma_across_m, sigma_along_m FROM boundaries WHERE part = ? ORDER BY line_id)";
+
+double published_m(double m) { return m_from_mm(mm_from_m(m)); }
+
+std::vector<GeoPosition> positions_of(const MapLine& line, const GeographicLib::LocalCartesian& enu) {
+  std::vector<GeoPosition> positions;
+  positions.reserve(line.vertices.size());
+  for (const Vertex& v : line.vertices) {
+    GeoPosition& p = positions.emplace_back();
+    enu.Reverse(published_m(v.x_m), published_m(v.y_m), published_m(v.z_m), p.latitude_deg, p.longitude_deg,
+                p.height_m);
+  }
+  return positions;
+}
+
+template <class Sigma>
+double rms(const MapLine& line, Sigma&& sigma) {
+  double sum = 0;
+  for (const Vertex& v : line.vertices) sum += sigma(v) * sigma(v);
+  return std::sqrt(sum / static_cast<double>(line.vertices.size()));
+}
+
+template <class Kind, std::size_t N>
+Kind kind_named(const std::array<std::string_view, N>& names, const std::string& name) {
+  const auto found = std::ranges::find(names, name);
+  return found == names.end() ? Kind{} : static_cast<Kind>(found - names.begin());
+}
+
+/// A row of kSelectLines; false when its geometry cannot be read.
+bool read_line(const Statement& row, const GeographicLib::LocalCartesian& enu, MapLine& line) {
+  const auto positions = positions_in(row.blob(0));
+  if (!positions) return false;
+  line.id = static_cast<LineId>(row.integer(1));
+  line.revision = static_cast<std::uint32_t>(row.integer(2));
+  line.attributes.kind = kind_named<BoundaryKind>(kBoundaryKindNames, row.text(3));
+  line.attributes.height_m = static_cast<float>(row.real(4));
+  line.attributes.existence = static_cast<float>(row.real(5));
+  line.attributes.observation_count = static_cast<std::uint32_t>(row.integer(6));
+  line.attributes.first_end = kind_named<EndKind>(kEndKindNames, row.text(7));
+  line.attributes.last_end = kind_named<EndKind>(kEndKindNames, row.text(8));
+  line.first_seen.ns = row.integer(9);
+  line.last_seen.ns = row.integer(10);
+  const auto sigma_across_m = static_cast<float>(row.real(11)), sigma_along_m = static_cast<float>(row.real(12));
+  for (const GeoPosition& p : *positions) {
+    double x_m = 0, y_m = 0, z_m = 0;
+    enu.Forward(p.latitude_deg, p.longitude_deg, p.height_m, x_m, y_m, z_m);
+    line.vertices.push_back({published_m(x_m), published_m(y_m), static_cast<float>(published_m(z_m)),
+                             line.attributes.height_m, sigma_across_m, sigma_along_m});
+  }
+  return true;
+}
+
+GeographicLib::LocalCartesian enu_at(const Anchor& anchor) {
+  return {anchor.latitude_deg, anchor.longitude_deg, anchor.height_m};
+}
+
+/// The whole file is read: seconds for a map of gigabytes, once a start.
+Stored<void> find_whole(const Database& database) {
+  const Stored<std::string> verdict = database.text("PRAGMA integrity_check(1)");
+  if (!verdict) return tl::unexpected<StoreError>(verdict.error());
+  if (*verdict != "ok") return in_trouble(StoreTrouble::damaged, "integrity check: " + *verdict);
+  return {};
+}
+
+/// WAL is asserted anew, because QGIS with write access leaves a file without it; full: a commit is on the disk when it
+/// returns. What an earlier run left in the log goes into the file, so that the log holds the present part alone.
+Stored<void> prepare_to_write(const Database& database) {
+  const Stored<std::string> mode = database.text("PRAGMA journal_mode = WAL");
+  if (!mode) return tl::unexpected<StoreError>(mode.error());
+  if (*mode != "wal") return in_trouble(StoreTrouble::unwritable, "its file system cannot share memory (WAL)");
+  // The log is opened by the first read after the switch; a checkpoint before that is refused.
+  return database.run(kLiveSettings);
+}
+
+}  // namespace
+
+Stored<MapFile> MapFile::open(const std::filesystem::path& path) {
+  Stored<Database> database = Database::open(path.string(), Database::Mode::make);
+  if (!database) return tl::unexpected<StoreError>(database.error());
+  if (database->is_read_only()) return in_trouble(StoreTrouble::unwritable, "it may only be read");
+  const Stored<void> ready = find_whole(*database).and_then([&] { return bring_up_to(*database); }).and_then([&] {
+    return prepare_to_write(*database);
+  });
+  if (!ready) return tl::unexpected<StoreError>(ready.error());
+  return MapFile(std::move(*database));
+}
+
+Stored<MapFile> MapFile::open_to_read(const std::filesystem::path& path) {
+  Stored<Database> database = Database::open(path.string(), Database::Mode::read);
+  if (!database) return tl::unexpected<StoreError>(database.error());
+  const Stored<std::int64_t> version = database->number("SELECT version FROM x_schema");
+  if (!version) return tl::unexpected<StoreError>(version.error());
+  if (*version != kSchemaVersion) {
+    return in_trouble(StoreTrouble::newer, "schema version " + std::to_string(*version) + ", this program reads " +
+                                               std::to_string(kSchemaVersion));
+  }
+  return MapFile(std::move(*database));
+}
+
+Stored<void> MapFile::write(MapPart& part, const VectorMap& map, const std::set<LineId>& changed) {
+  if (database_.has_moved()) return in_trouble(StoreTrouble::replaced, "another file has its name, or none");
+  MapPart written = part;
+  Stored<void> done = database_.run("BEGIN IMMEDIATE")
+                          .and_then([&] { return write_part(written); })
+                          .and_then([&] { return write_lines(written, map, changed); })
+                          .and_then([&] { return database_.run("COMMIT"); });
+  if (!done) {
+    database_.roll_back();
+    return done;
+  }
+  // What went into a file that has lost its name would be lost with it.
+  if (database_.has_moved()) return in_trouble(StoreTrouble::replaced, "another file has its name, or none");
+  part = written;
+  return {};
+}
+
+Stored<void> MapFile::write_part(MapPart& part) const {
+  const auto epoch = static_cast<std::int64_t>(part.head.epoch), seq = static_cast<std::int64_t>(part.head.seq);
+  const auto finished = static_cast<std::int64_t>(part.finished);
+  if (part.number != 0) {
+    Stored<Statement> update = database_.prepare(
+        std::string("UPDATE parts SET epoch = ?, seq = ?, finished = ?, changed = ") + kNow + " WHERE part = ?");
+    if (!update) return tl::unexpected<StoreError>(update.error());
+    const Stored<void> done = update->execute(epoch, seq, finished, part.number);
+    if (done && database_.changed_rows() != 1) return in_trouble(StoreTrouble::replaced, "what was written has gone");
+    return done;
+  }
+  Stored<Statement> insert = database_.prepare(
+      std::string(
+          "INSERT INTO parts (epoch, seq, finished, anchor_latitude_deg, anchor_longitude_deg, anchor_height_m, "
+          "anchor_yaw_deg, began, changed) VALUES (?, ?, ?, ?, ?, ?, ?, ") +
+      kNow + ", " + kNow + ")");
+  if (!insert) return tl::unexpected<StoreError>(insert.error());
+  const Anchor& a = part.anchor;
+  const Stored<void> done =
+      insert->execute(epoch, seq, finished, a.latitude_deg, a.longitude_deg, a.height_m, a.yaw_deg);
+  if (!done) return done;
+  return database_.number("SELECT last_insert_rowid()").map([&](std::int64_t number) { part.number = number; });
+}
+
+Stored<void> MapFile::write_lines(const MapPart& part, const VectorMap& map, const std::set<LineId>& changed) const {
+  Stored<Statement> upsert = database_.prepare(kUpsert);
+  Stored<Statement> remove = database_.prepare("DELETE FROM boundaries WHERE part = ? AND line_id = ?");
+  if (!upsert) return tl::unexpected<StoreError>(upsert.error());
+  if (!remove) return tl::unexpected<StoreError>(remove.error());
+  const GeographicLib::LocalCartesian enu = enu_at(part.anchor);
+  GeoEnvelope extent;
+  for (const LineId id : changed) {
+    const auto line_id = static_cast<std::int64_t>(id);
+    const auto found = map.find(id);
+    Stored<void> done;
+    if (found == map.end() || found->second.vertices.size() < 2) {
+      done = remove->execute(part.number, line_id);
+    } else {
+      const MapLine& line = found->second;
+      const LineAttributes& a = line.attributes;
+      const std::vector<GeoPosition> positions = positions_of(line, enu);
+      GeoEnvelope envelope;
+      for (const GeoPosition& p : positions) envelope.add(p);
+      extent.add(envelope);
+      const std::vector<std::uint8_t> blob = geometry_blob(positions, envelope);
+      done =
+          upsert->execute(std::span<const std::uint8_t>(blob), part.number, line_id, std::int64_t{line.revision},
+                          name_of(a.kind), double{a.height_m}, double{a.existence}, std::int64_t{a.observation_count},
+                          name_of(a.first_end), name_of(a.last_end), line.first_seen.ns, line.last_seen.ns,
+                          rms(line, [](const Vertex& v) { return double{v.sigma_across_m}; }),
+                          rms(line, [](const Vertex& v) { return double{v.sigma_along_m}; }));
+    }
+    if (!done) return done;
+  }
+  return note_extent(extent);
+}
+
+/// What GIS programs zoom to. It only grows: that is what the standard asks for, and it costs no walk over the map.
+Stored<void> MapFile::note_extent(const GeoEnvelope& extent) const {
+  const bool grows = extent.min_longitude_deg <= extent.max_longitude_deg;
+  Stored<Statement> note = database_.prepare(
+      std::string("UPDATE gpkg_contents SET last_change = ") + kNow +
+      (grows ? ", min_x = min(coalesce(min_x, ?1), ?1), max_x = max(coalesce(max_x, ?2), ?2), min_y = "
+               "min(coalesce(min_y, ?3), ?3), max_y = max(coalesce(max_y, ?4), ?4)"
+             : "") +
+      " WHERE table_name = 'boundaries'");
+  if (!note) return tl::unexpected<StoreError>(note.error());
+  if (!grows) return note->execute();
+  return note->execute(extent.min_longitude_deg, extent.max_longitude_deg, extent.min_latitude_deg,
+                       extent.max_latitude_deg);
+}
+
+Stored<std::vector<MapPart>> MapFile::parts() const {
+  Stored<Statement> query = database_.prepare(
+      "SELECT part, epoch, seq, finished, anchor_latitude_deg, anchor_longitude_deg, anchor_height_m, anchor_yaw_deg "
+      "FROM parts ORDER BY part");
+  if (!query) return tl::unexpected<StoreError>(query.error());
+  std::vector<MapPart> parts;
+  for (;;) {
+    const Stored<bool> row = query->step();
+    if (!row) return tl::unexpected<StoreError>(row.error());
+    if (!*row) return parts;
+    MapPart& part = parts.emplace_back();
+    part.number = query->integer(0);
+    part.head = {static_cast<std::uint64_t>(query->integer(1)), static_cast<std::uint64_t>(query->integer(2))};
+    part.finished = query->integer(3) != 0;
+    part.anchor = {query->real(4), query->real(5), query->real(6), query->real(7)};
+  }
+}
+
+Stored<VectorMap> MapFile::lines(const MapPart& part) const {
+  Stored<Statement> query = database_.prepare(kSelectLines);
+  if (!query) return tl::unexpected<StoreError>(query.error());
+  query->bind_all(part.number);
+  const GeographicLib::LocalCartesian enu = enu_at(part.anchor);
+  VectorMap map;
+  for (;;) {
+    const Stored<bool> row = query->step();
+    if (!row) return tl::unexpected<StoreError>(row.error());
+    if (!*row) return map;
+    MapLine line;
+    if (!read_line(*query, enu, line)) {
+      return in_trouble(StoreTrouble::damaged, "line " + std::to_string(line.id) + " has no LineString Z");
+    }
+    map.emplace(line.id, std::move(line));
+  }
+}
+
+}  // namespace roadvec

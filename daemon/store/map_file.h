@@ -1,0 +1,55 @@
+#pragma once
+
+#include <filesystem>
+#include <set>
+#include <vector>
+
+#include "core/geometry/anchor.h"
+#include "core/map/vector_map.h"
+#include "daemon/server/map_publisher.h"
+#include "daemon/store/database.h"
+#include "daemon/store/geometry.h"
+
+namespace roadvec {
+
+/// What one start of roadvecd has mapped; a row of the table `parts`.
+struct MapPart {
+  std::int64_t number = 0;
+  Anchor anchor;
+  MapHead head;
+  bool finished = false;
+};
+
+/// A map as a GeoPackage: opened, brought up to the present schema and found whole. README.md in this folder describes
+/// the file.
+class MapFile {
+ public:
+  /// For writing while others read (WAL; every commit is on the disk when it returns). Makes the file if there is none.
+  [[nodiscard]] static Stored<MapFile> open(const std::filesystem::path& path);
+  [[nodiscard]] static Stored<MapFile> open_to_read(const std::filesystem::path& path);
+
+  /// Puts the lines `changed` into the part as they are in `map`, or takes them out where they are not, and notes what
+  /// the part has come to; all of it or nothing. A part numbered 0 is new and gets its number. Fails with `replaced`
+  /// when afterwards the path names another file, or the part is gone from it.
+  [[nodiscard]] Stored<void> write(MapPart& part, const VectorMap& map, const std::set<LineId>& changed);
+
+  /// In the order in which they were begun.
+  [[nodiscard]] Stored<std::vector<MapPart>> parts() const;
+  /// The part's lines in whole millimetres; what the file keeps per line (height, sigmas), each vertex gets.
+  [[nodiscard]] Stored<VectorMap> lines(const MapPart& part) const;
+
+  [[nodiscard]] bool has_moved() const { return database_.has_moved(); }
+  /// One file without a log beside it, which every SQLite opens; nobody may be reading.
+  [[nodiscard]] Stored<void> leave_wal() const { return database_.run("PRAGMA journal_mode = DELETE"); }
+
+ private:
+  explicit MapFile(Database database) : database_(std::move(database)) {}
+  [[nodiscard]] Stored<void> write_part(MapPart& part) const;
+  [[nodiscard]] Stored<void> write_lines(const MapPart& part, const VectorMap& map,
+                                         const std::set<LineId>& changed) const;
+  [[nodiscard]] Stored<void> note_extent(const GeoEnvelope& extent) const;
+
+  Database database_;
+};
+
+}  // namespace roadvec

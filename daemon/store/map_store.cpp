@@ -1,0 +1,237 @@
+#include "daemon/store/map_store.h"
+
+#include <poll.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <array>
+#include <ctime>
+#include <system_error>
+
+namespace roadvec {
+namespace {
+
+constexpr std::chrono::milliseconds kTurn{100};
+constexpr std::chrono::seconds kLastTries{5};  // systemd gives a stopping service 90 s
+constexpr std::uintmax_t kNoRoomBytes = 256 << 10;
+
+std::filesystem::path beside(const std::filesystem::path& path, const char* suffix) { return path.string() + suffix; }
+
+std::uint64_t inode_of(const std::filesystem::path& path) {
+  struct stat facts {};
+  return ::stat(path.c_str(), &facts) == 0 ? facts.st_ino : 0;
+}
+
+double bytes_in(const std::filesystem::path& path) {
+  std::error_code error;
+  const std::uintmax_t bytes = std::filesystem::file_size(path, error);
+  return error ? 0 : static_cast<double>(bytes);
+}
+
+std::string utc_for_names() {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  ::gmtime_r(&now, &utc);
+  std::array<char, 32> text{};
+  const std::size_t length = std::strftime(text.data(), text.size(), "%Y%m%dT%H%M%SZ", &utc);
+  return {text.data(), length};
+}
+
+const char* reason_of(StoreTrouble trouble) {
+  return trouble == StoreTrouble::damaged ? "damaged" : trouble == StoreTrouble::newer ? "newer" : "foreign";
+}
+
+bool is_beyond_use(StoreTrouble trouble) {
+  return trouble == StoreTrouble::damaged || trouble == StoreTrouble::foreign || trouble == StoreTrouble::newer;
+}
+
+const char* words_for(StoreTrouble trouble) {
+  switch (trouble) {
+    case StoreTrouble::full:
+      return "disk full: make room";
+    case StoreTrouble::locked:
+      return "locked by another program: close it";
+    case StoreTrouble::replaced:
+      return "moved, removed or replaced";
+    default:
+      return "cannot be written";
+  }
+}
+
+}  // namespace
+
+MapStore::MapStore(const MapStoreConfig& config, FrameLog& log)
+    : config_(config), path_(config.directory / "map.gpkg"), reader_(log), copy_(config.start) {
+  part_.anchor = config.anchor;
+  report_.state = "opening " + path_.string();
+}
+
+StoreReport MapStore::report() const {
+  const std::scoped_lock lock(report_mutex_);
+  return report_;
+}
+
+bool MapStore::run(const std::stop_token& stop) {
+  Clock::time_point next = Clock::now();
+  while (!stop.stop_requested()) {
+    pollfd bell{reader_.doorbell(), POLLIN, 0};
+    ::poll(&bell, 1, static_cast<int>(kTurn.count()));
+    if (!take_new()) return false;
+    if (Clock::now() < next) continue;
+    if (!file_) open();
+    if (file_) write(false);
+    next = Clock::now() + std::chrono::duration_cast<Clock::duration>(config_.batch_interval);
+  }
+  if (!take_new()) return false;
+  finish();
+  return true;
+}
+
+bool MapStore::take_new() {
+  reader_.clear_doorbell();
+  for (;;) {
+    switch (reader_.next(frame_)) {
+      case FrameLog::Outcome::nothing_new:
+        return true;
+      case FrameLog::Outcome::overrun:
+        return false;
+      case FrameLog::Outcome::frame:
+        if (!copy_.take(frame_)) return false;
+    }
+  }
+}
+
+void MapStore::open() {
+  std::error_code error;
+  std::filesystem::create_directories(config_.directory, error);
+  Stored<MapFile> file = MapFile::open(path_);
+  if (!file && is_beyond_use(file.error().trouble)) {
+    set_aside(file.error());
+    file = MapFile::open(path_);
+  }
+  if (!file) return meet(file.error());
+  if (const Stored<void> found = find_part(*file); !found) return meet(found.error());
+  file_.emplace(std::move(*file));
+  log_inode_ = inode_of(beside(path_, "-wal"));
+  const std::scoped_lock lock(report_mutex_);
+  ++report_.opened_count;
+  report_.durable_seq = part_.head.seq;
+}
+
+/// Our part, if an earlier opening has written one into this very file: it goes on. Either way every line is written
+/// again, and what the file has beyond that is taken out.
+Stored<void> MapStore::find_part(const MapFile& file) {
+  const Stored<std::vector<MapPart>> parts = file.parts();
+  if (!parts) return tl::unexpected<StoreError>(parts.error());
+  part_.number = 0;
+  part_.head = {};
+  for (const MapPart& part : *parts) {
+    // Epochs begin at random and count up with each closed loop.
+    if (config_.start.epoch <= part.head.epoch && part.head.epoch <= copy_.head().epoch) part_ = part;
+  }
+  copy_.all_changed();
+  if (part_.number == 0) return {};
+  const Stored<VectorMap> written = file.lines(part_);
+  if (!written) return tl::unexpected<StoreError>(written.error());
+  for (const auto& [id, line] : *written) copy_.changed(id);
+  return {};
+}
+
+void MapStore::write(bool finished) {
+  const bool news = !copy_.changed().empty() || finished != part_.finished;
+  if (!news) return file_->has_moved() ? meet({StoreTrouble::replaced, "another file has its name, or none"}) : say({});
+  const Clock::time_point begin = Clock::now();
+  MapPart part = part_;
+  part.head = copy_.head();
+  part.finished = finished;
+  const Stored<void> written = file_->write(part, copy_.map(), copy_.changed());
+  if (!written) return meet(written.error());
+  part_ = part;
+  copy_.written();
+  count_batch(begin);
+  say({});
+}
+
+void MapStore::finish() {
+  const bool nothing_to_keep = part_.number == 0 && copy_.map().empty();
+  const Clock::time_point end = Clock::now() + kLastTries;
+  for (;;) {
+    if (!file_) open();
+    if (file_ && nothing_to_keep) break;
+    if (file_) write(true);
+    if (part_.finished || Clock::now() > end) break;
+    ::poll(nullptr, 0, static_cast<int>(kTurn.count()));
+  }
+  // Who still reads keeps the log; then it stays beside the file, and SQLite finds it there.
+  if (file_) static_cast<void>(file_->leave_wal());
+  file_.reset();
+}
+
+/// Our log stays behind under the name of the file that is there now, and SQLite would take it for that one's. It
+/// holds nothing but the part that is written again.
+void MapStore::close_moved() {
+  file_.reset();
+  const bool is_ours = log_inode_ != 0 && inode_of(beside(path_, "-wal")) == log_inode_;
+  std::error_code error;
+  for (const char* suffix : {"-wal", "-shm"}) {
+    if (is_ours) std::filesystem::remove(beside(path_, suffix), error);
+  }
+}
+
+void MapStore::set_aside(const StoreError& error) {
+  file_.reset();
+  const std::string stem = "map-" + std::string(reason_of(error.trouble)) + "-" + utc_for_names();
+  std::filesystem::path target = config_.directory / (stem + ".gpkg");
+  for (int i = 2; std::filesystem::exists(target); ++i) {
+    target = config_.directory / (stem + "-" + std::to_string(i) + ".gpkg");
+  }
+  std::error_code failed;
+  std::filesystem::rename(path_, target, failed);
+  if (failed) return;  // opening it again says so
+  for (const char* suffix : {"-wal", "-shm"}) {
+    std::error_code missing;
+    std::filesystem::rename(beside(path_, suffix), beside(target, suffix), missing);
+  }
+  set_aside_text_ = target.string() + " set aside: " + error.text;
+  const std::scoped_lock lock(report_mutex_);
+  ++report_.set_aside_count;
+}
+
+void MapStore::meet(const StoreError& error) {
+  StoreTrouble trouble = error.trouble;
+  std::error_code unknown;
+  const std::filesystem::space_info space = std::filesystem::space(config_.directory, unknown);
+  // Not every write that finds no room is told apart from a broken disk.
+  if (trouble == StoreTrouble::unwritable && !unknown && space.available < kNoRoomBytes) trouble = StoreTrouble::full;
+  {
+    const std::scoped_lock lock(report_mutex_);
+    ++report_.failed_count;
+    // What was on the disk no longer is.
+    if (trouble == StoreTrouble::replaced || is_beyond_use(trouble)) report_.durable_seq = 0;
+  }
+  if (trouble == StoreTrouble::replaced) close_moved();
+  if (is_beyond_use(trouble) && file_) set_aside(error);
+  if (trouble == StoreTrouble::unwritable) file_.reset();
+  say(path_.string() + " " + words_for(trouble) + " (" + error.text + ")");
+}
+
+void MapStore::count_batch(Clock::time_point begin) {
+  const double took_ms = std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
+  const double file_bytes = bytes_in(path_), log_bytes = bytes_in(beside(path_, "-wal"));
+  const std::scoped_lock lock(report_mutex_);
+  ++report_.batch_count;
+  report_.durable_seq = part_.head.seq;
+  report_.longest_batch_ms = std::max(report_.longest_batch_ms, took_ms);
+  report_.file_bytes = file_bytes;
+  report_.log_bytes = log_bytes;
+}
+
+void MapStore::say(const std::string& trouble) {
+  const std::scoped_lock lock(report_mutex_);
+  report_.unwritten_line_count = copy_.changed().size();
+  report_.in_trouble = !trouble.empty();
+  report_.state = trouble.empty() ? "ok" : trouble;
+  if (!set_aside_text_.empty()) report_.state += "; " + set_aside_text_;
+}
+
+}  // namespace roadvec

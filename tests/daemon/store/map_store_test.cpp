@@ -1,0 +1,207 @@
+#include "daemon/store/map_store.h"
+
+#include <gmock/gmock.h>
+
+#include <thread>
+
+#include "tests/support/map_story.h"
+#include "tests/support/temporary_folder.h"
+
+namespace roadvec {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr MapHead kFirst{0xFEED'0000, 0};
+constexpr std::chrono::seconds kLongest{20};
+
+/// A store in a thread of its own, and a story published by the test's thread.
+class MapStoreTest : public ::testing::Test {
+ protected:
+  ~MapStoreTest() override { stop(); }
+
+  void start() {
+    store_ = std::make_unique<MapStore>(MapStoreConfig{.directory = directory_,
+                                                       .batch_interval = std::chrono::milliseconds(20),
+                                                       .start = kFirst,
+                                                       .anchor = {49.0, 8.4, 112.0, 0.0}},
+                                        log_);
+    thread_ = std::jthread([this](const std::stop_token& token) { followed_to_the_end_ = store_->run(token); });
+  }
+  void stop() {
+    if (!thread_.joinable()) return;
+    thread_.request_stop();
+    thread_.join();
+  }
+  void publish(int steps) {
+    for (int i = 0; i < steps; ++i) publisher_.publish(story_.step(), story_.map(), [](std::size_t) {});
+  }
+  void wait_until(const char* what, const std::function<bool(const StoreReport&)>& happened) const {
+    const auto end = std::chrono::steady_clock::now() + kLongest;
+    while (!happened(store_->report())) {
+      ASSERT_LT(std::chrono::steady_clock::now(), end) << what << ": " << store_->report().state;
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+  }
+  void wait_until_all_is_kept() const {
+    wait_until("durable",
+               [&](const StoreReport& r) { return r.durable_seq == publisher_.head().seq && !r.in_trouble; });
+  }
+  void wait_for_trouble(const std::string& words) const {
+    wait_until(words.c_str(),
+               [&](const StoreReport& r) { return r.in_trouble && r.state.find(words) != std::string::npos; });
+  }
+  /// The newest part that the file holds is the story's map.
+  void expect_kept(std::size_t part_count) const {
+    const Stored<MapFile> file = MapFile::open_to_read(path_);
+    ASSERT_TRUE(file) << file.error().text;
+    const std::vector<MapPart> parts = file->parts().value();
+    ASSERT_EQ(parts.size(), part_count);
+    EXPECT_EQ(parts.back().head.seq, publisher_.head().seq);
+    EXPECT_EQ(parts.back().head.epoch, publisher_.head().epoch);
+    const VectorMap kept = file->lines(parts.back()).value();
+    ASSERT_EQ(kept.size(), story_.map().size());
+    for (const auto& [id, line] : story_.map()) {
+      ASSERT_TRUE(kept.contains(id));
+      EXPECT_EQ(kept.at(id).revision, line.revision);
+      EXPECT_EQ(kept.at(id).vertices.size(), line.vertices.size());
+    }
+  }
+
+  TemporaryFolder folder_;
+  const std::filesystem::path directory_ = folder_ / "state", path_ = directory_ / "map.gpkg";
+  FrameLog log_{std::size_t{16} << 20};
+  MapPublisher publisher_{log_, kFirst};
+  MapStory story_{1};
+  std::unique_ptr<MapStore> store_;
+  bool followed_to_the_end_ = false;
+  std::jthread thread_;
+};
+
+TEST_F(MapStoreTest, keeps_the_map_while_it_grows_and_says_how_far_it_has_come) {
+  start();
+  for (int i = 0; i < 5; ++i) {
+    publish(30);
+    wait_until_all_is_kept();
+    expect_kept(1);
+  }
+  stop();
+  EXPECT_TRUE(followed_to_the_end_);
+  EXPECT_EQ(store_->report().state, "ok");
+}
+
+TEST_F(MapStoreTest, writes_the_rest_when_it_is_stopped_and_leaves_one_file) {
+  start();
+  publish(100);
+  stop();
+  expect_kept(1);
+  EXPECT_TRUE(MapFile::open_to_read(path_)->parts().value()[0].finished);
+  EXPECT_EQ(store_->report().durable_seq, publisher_.head().seq);
+  std::set<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(directory_)) names.insert(entry.path().filename());
+  EXPECT_EQ(names, std::set<std::string>{"map.gpkg"});
+}
+
+TEST_F(MapStoreTest, waits_while_another_program_holds_a_lock) {
+  start();
+  publish(30);
+  wait_until_all_is_kept();
+  {
+    const Database other = Database::open(path_.string(), Database::Mode::make).value();
+    ASSERT_TRUE(other.run("BEGIN IMMEDIATE"));
+    publish(10);
+    wait_for_trouble("locked by another program");
+    EXPECT_LT(store_->report().durable_seq, publisher_.head().seq);
+    EXPECT_GT(store_->report().durable_seq, 0U);
+  }
+  wait_until_all_is_kept();
+  expect_kept(1);
+}
+
+TEST_F(MapStoreTest, goes_on_beside_a_reader_that_stays) {
+  start();
+  publish(30);
+  wait_until_all_is_kept();
+  const Database reader = Database::open(path_.string(), Database::Mode::read).value();
+  ASSERT_TRUE(reader.run("BEGIN; SELECT count(*) FROM boundaries"));
+  const std::int64_t before = reader.number("SELECT sum(revision) FROM boundaries").value();
+  publish(100);
+  wait_until_all_is_kept();
+  EXPECT_EQ(reader.number("SELECT sum(revision) FROM boundaries"), before) << "the reader's own moment";
+  stop();
+  expect_kept(1);
+}
+
+TEST_F(MapStoreTest, a_file_that_is_taken_away_is_written_anew) {
+  start();
+  publish(60);
+  wait_until_all_is_kept();
+  std::filesystem::rename(path_, folder_ / "taken.gpkg");
+  wait_until("opened again", [](const StoreReport& r) { return r.opened_count == 2; });
+  publish(10);
+  wait_until_all_is_kept();
+  expect_kept(1);
+}
+
+TEST_F(MapStoreTest, a_file_put_in_its_place_gets_the_map_as_a_part_and_keeps_its_own) {
+  start();
+  publish(60);
+  wait_until_all_is_kept();
+  MapPart other{.number = 0, .anchor = {50, 9, 0, 0}, .head = {1, 1}};
+  VectorMap line;
+  line[9].id = 9;
+  line[9].vertices = {{0, 0}, {1, 0}};
+  {
+    MapFile backup = MapFile::open(folder_ / "backup.gpkg").value();
+    ASSERT_TRUE(backup.write(other, line, {9}));
+    ASSERT_TRUE(backup.leave_wal());
+  }
+  std::filesystem::rename(folder_ / "backup.gpkg", path_);
+  wait_until("opened again", [](const StoreReport& r) { return r.opened_count == 2; });
+  wait_until_all_is_kept();
+  expect_kept(2);
+  EXPECT_EQ(MapFile::open_to_read(path_)->lines(other).value().size(), 1U);
+}
+
+TEST_F(MapStoreTest, a_damaged_file_is_set_aside_with_its_bytes_and_named) {
+  std::filesystem::create_directories(directory_);
+  const std::string rubbish(20'000, 'x');
+  std::ofstream(path_) << rubbish;
+  start();
+  publish(30);
+  wait_until_all_is_kept();
+  expect_kept(1);
+  EXPECT_EQ(store_->report().set_aside_count, 1U);
+  EXPECT_THAT(store_->report().state, HasSubstr("map-damaged-20"));
+  std::size_t found = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(directory_)) {
+    if (!entry.path().filename().string().starts_with("map-damaged-")) continue;
+    ++found;
+    EXPECT_EQ(bytes_of(entry.path()), rubbish);
+  }
+  EXPECT_EQ(found, 1U);
+}
+
+TEST_F(MapStoreTest, a_file_in_the_place_of_the_directory_is_waited_for) {
+  std::ofstream(directory_.string()) << "not a directory";
+  start();
+  publish(30);
+  wait_for_trouble("cannot be written");
+  std::filesystem::remove(directory_);
+  wait_until_all_is_kept();
+  expect_kept(1);
+}
+
+TEST_F(MapStoreTest, tables_that_another_program_drops_are_made_again_and_the_file_kept) {
+  start();
+  publish(30);
+  wait_until_all_is_kept();
+  ASSERT_TRUE(Database::open(path_.string(), Database::Mode::make)->run("DROP TABLE boundaries"));
+  publish(5);
+  wait_until("set aside", [](const StoreReport& r) { return r.set_aside_count == 1; });
+  wait_until_all_is_kept();
+  expect_kept(1);
+}
+
+}  // namespace
+}  // namespace roadvec
