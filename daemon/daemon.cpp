@@ -113,7 +113,7 @@ void Daemon::join_threads() {
 void Daemon::start_threads() {
   const RealTimeSettings none{.lidar_priority = 0, .vehicle_priority = 0, .mapping_priority = 0, .lock_memory = false};
   const RealTimeSettings real_time = kind_ == InputKind::live ? settings_.real_time : none;
-  const auto start = [this](const char* name, int priority, int cpu, auto&& body) {
+  const auto start = [](const char* name, int priority, int cpu, auto&& body) {
     return std::jthread([name, priority, cpu, body] {
       if (!set_up_thread(name, priority, cpu)) {
         spdlog::warn("{} runs without real-time priority {} on cpu {}: raise LimitRTPRIO, or set it to 0", name,

@@ -11,6 +11,7 @@ endif()
 roadvec_test(daemon_vehicles tests/daemon/vehicles LINKS daemon)
 
 roadvec_fuzz(server_frame LINKS daemon_server)
+roadvec_fuzz(geometry LINKS daemon_store)
 roadvec_fuzz(config LINKS daemon_config)
 
 roadvec_test(daemon_stages tests/daemon/stages LABEL threads LINKS daemon_stages)

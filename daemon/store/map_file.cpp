@@ -84,8 +84,10 @@ GeographicLib::LocalCartesian enu_at(const Anchor& anchor) {
   return {anchor.latitude_deg, anchor.longitude_deg, anchor.height_m};
 }
 
-/// The whole file is read: seconds for a map of gigabytes, once a start.
+/// The whole file is read: seconds for a map of gigabytes, so only when nobody has a lock that would end the opening.
 Stored<void> find_whole(const Database& database) {
+  const Stored<void> unlocked = database.run("BEGIN EXCLUSIVE; ROLLBACK");
+  if (!unlocked) return unlocked;
   const Stored<std::string> verdict = database.text("PRAGMA integrity_check(1)");
   if (!verdict) return tl::unexpected<StoreError>(verdict.error());
   if (*verdict != "ok") return in_trouble(StoreTrouble::damaged, "integrity check: " + *verdict);
@@ -119,6 +121,9 @@ Stored<MapFile> MapFile::open_to_read(const std::filesystem::path& path) {
   Stored<Database> database = Database::open(path.string(), Database::Mode::read);
   if (!database) return tl::unexpected<StoreError>(database.error());
   const Stored<std::int64_t> version = database->number("SELECT version FROM x_schema");
+  if (!version && version.error().trouble == StoreTrouble::foreign) {
+    return in_trouble(StoreTrouble::foreign, "not a map of roadvecd (" + version.error().text + ")");
+  }
   if (!version) return tl::unexpected<StoreError>(version.error());
   if (*version != kSchemaVersion) {
     return in_trouble(StoreTrouble::newer, "schema version " + std::to_string(*version) + ", this program reads " +

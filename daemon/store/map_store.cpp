@@ -12,7 +12,6 @@ namespace roadvec {
 namespace {
 
 constexpr std::chrono::milliseconds kTurn{100};
-constexpr std::chrono::seconds kLastTries{5};  // systemd gives a stopping service 90 s
 constexpr std::uintmax_t kNoRoomBytes = 256 << 10;
 
 std::filesystem::path beside(const std::filesystem::path& path, const char* suffix) { return path.string() + suffix; }
@@ -154,7 +153,7 @@ void MapStore::write(bool finished) {
 
 void MapStore::finish() {
   const bool nothing_to_keep = part_.number == 0 && copy_.map().empty();
-  const Clock::time_point end = Clock::now() + kLastTries;
+  const Clock::time_point end = Clock::now() + config_.last_tries;
   for (;;) {
     if (!file_) open();
     if (file_ && nothing_to_keep) break;

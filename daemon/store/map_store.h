@@ -17,7 +17,8 @@ namespace roadvec {
 struct MapStoreConfig {
   std::filesystem::path directory;  ///< of map.gpkg; made if it is missing
   std::chrono::duration<double> batch_interval{2};
-  MapHead start;  ///< the same as the MapPublisher's
+  std::chrono::milliseconds last_tries{5000};  ///< how long it tries to write the rest at the end; systemd gives 90 s
+  MapHead start;                               ///< the same as the MapPublisher's
   Anchor anchor;
 };
 
@@ -43,7 +44,7 @@ class MapStore {
   /// Made before the log's writer starts.
   MapStore(const MapStoreConfig& config, FrameLog& log);
 
-  /// Until stop; then writes what is left, trying for some seconds, and leaves one file without a log beside it. false:
+  /// Until stop; then writes what is left, trying for last_tries, and leaves one file without a log beside it. false:
   /// it lost the map because the log overran it (cannot happen while the writer asks has_room()).
   [[nodiscard]] bool run(const std::stop_token& stop);
 

@@ -139,6 +139,7 @@ SEEDS = {
                    b"\2calib_time: x\nR: 1 0 0 0 1 0 0 0 1\nT: -0.8 0.3 -0.8\n"],
     "fuzz_wire": [HELLO, GET_TILES, SUBSCRIBE],
     "fuzz_server_frame": [b"\x10" + b"".join(struct.pack("<I", len(m)) + m for m in (HELLO, GET_TILES, SUBSCRIBE))],
+    "fuzz_geometry": [b"GP\0\3" + struct.pack("<i4dBII6d", 4326, 8.4, 8.5, 49.0, 49.1, 1, 1002, 2, 8.4, 49.0, 112.0, 8.5, 49.1, 113.0)],
     "fuzz_config": [CONFIG],
 }
 

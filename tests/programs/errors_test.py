@@ -145,8 +145,8 @@ class CommandLine(ProgramTest):
 
 
 class CarErrors(ProgramTest):
-    def start(self, tables):
-        return run("roadvecd", "--config", self.car_file(tables), timeout_s=20)
+    def start(self, tables, *arguments):
+        return run("roadvecd", "--config", self.car_file(tables), *arguments, timeout_s=20)
 
     def test_a_port_in_use(self):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
@@ -174,9 +174,11 @@ class CarErrors(ProgramTest):
         tables["server"]["socket"] = str(self.folder / "none/map.sock")
         self.assert_refused(self.start(tables), FAILURE, "none/map.sock", "folder")
 
-    def test_a_map_folder_that_cannot_be_made(self):
-        (self.folder / "map").write_text("a file in the way", encoding="utf-8")
-        self.assert_refused(self.start(self.car_tables()), FAILURE, "cannot make the directory .*/map")
+    def test_an_output_folder_that_cannot_be_made(self):
+        """Without --out it maps, says so and waits: store_test."""
+        out = self.folder / "map"
+        out.write_text("a file in the way", encoding="utf-8")
+        self.assert_refused(self.start(self.car_tables(), "--out", out), FAILURE, "cannot make the directory .*/map")
 
     def test_a_car_without_an_anchor(self):
         tables = self.car_tables()

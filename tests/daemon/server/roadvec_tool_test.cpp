@@ -80,6 +80,8 @@ TEST_F(RoadvecToolTest, exports_in_every_format_and_the_file_says_the_same_as_th
   EXPECT_THAT(run("export geojson --map " + file).output, HasSubstr("\"kind\":\"curb\""));
   EXPECT_THAT(run("export geojson --part 7 --map " + file).output, HasSubstr("no such part; it has 1"));
   EXPECT_EQ(run("export geojson --map /missing/map.gpkg").exit_status, 1);
+  std::ofstream(folder_ / "note.txt") << "not a map";
+  EXPECT_EQ(run("export geojson --map " + (folder_ / "note.txt").string()).exit_status, 1);
   EXPECT_EQ(run("export geojson --part 1").exit_status, 2);
   EXPECT_EQ(run("export gpkg -o /missing/map.gpkg --map " + file).exit_status, 1);
 }

@@ -23,6 +23,7 @@ class MapStoreTest : public ::testing::Test {
   void start() {
     store_ = std::make_unique<MapStore>(MapStoreConfig{.directory = directory_,
                                                        .batch_interval = std::chrono::milliseconds(20),
+                                                       .last_tries = last_tries_,
                                                        .start = kFirst,
                                                        .anchor = {49.0, 8.4, 112.0, 0.0}},
                                         log_);
@@ -70,6 +71,7 @@ class MapStoreTest : public ::testing::Test {
 
   TemporaryFolder folder_;
   const std::filesystem::path directory_ = folder_ / "state", path_ = directory_ / "map.gpkg";
+  std::chrono::milliseconds last_tries_{5000};
   FrameLog log_{std::size_t{16} << 20};
   MapPublisher publisher_{log_, kFirst};
   MapStory story_{1};
@@ -132,6 +134,20 @@ TEST_F(MapStoreTest, goes_on_beside_a_reader_that_stays) {
   expect_kept(1);
 }
 
+TEST_F(MapStoreTest, a_reader_that_keeps_the_log_from_being_asserted_is_waited_for) {
+  std::filesystem::create_directories(directory_);
+  ASSERT_TRUE(MapFile::open(path_)->leave_wal());
+  {
+    const Database reader = Database::open(path_.string(), Database::Mode::read).value();
+    ASSERT_TRUE(reader.run("BEGIN; SELECT count(*) FROM parts"));
+    start();
+    publish(30);
+    wait_for_trouble("locked by another program");
+  }
+  wait_until_all_is_kept();
+  expect_kept(1);
+}
+
 TEST_F(MapStoreTest, a_file_that_is_taken_away_is_written_anew) {
   start();
   publish(60);
@@ -190,6 +206,17 @@ TEST_F(MapStoreTest, a_file_in_the_place_of_the_directory_is_waited_for) {
   std::filesystem::remove(directory_);
   wait_until_all_is_kept();
   expect_kept(1);
+}
+
+TEST_F(MapStoreTest, when_it_cannot_write_to_the_end_it_ends_and_says_what_is_missing) {
+  last_tries_ = std::chrono::milliseconds(50);
+  std::ofstream(directory_.string()) << "not a directory";
+  start();
+  publish(30);
+  stop();
+  EXPECT_TRUE(followed_to_the_end_);
+  EXPECT_TRUE(store_->report().in_trouble);
+  EXPECT_LT(store_->report().durable_seq, publisher_.head().seq);
 }
 
 TEST_F(MapStoreTest, tables_that_another_program_drops_are_made_again_and_the_file_kept) {
