@@ -46,7 +46,7 @@ class ManTest(ProgramTest):
                 self.assertIn(usage, page)
                 for option in OPTION.findall(text):
                     self.assertRegex(page, rf"(?<![\w-]){re.escape(option)}(?![\w-])", f"{usage}")
-        self.assertEqual(len(list(helps_of("roadvec"))), 7, "status, tiles, watch, export, export geojson, render")
+        self.assertEqual(len(list(helps_of("roadvec"))), 9, "status, tiles, watch, export and its three formats, render")
 
     def test_every_key_of_the_configuration_is_in_the_page_with_its_meaning(self):
         page = self.page("roadvecd.toml.5")
