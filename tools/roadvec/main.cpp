@@ -98,12 +98,12 @@ int main(int argc, char** argv) try {
       exporter->add_option("--map", choice.map_file, "take this file (map.gpkg), also while no daemon runs")
           ->type_name("FILE");
   exporter->add_option("--part", choice.part, "which of the file's parts (table `parts`); 0: the newest")
+      ->type_name("N")
       ->check(CLI::NonNegativeNumber)
       ->needs(map_file);
   using enum roadvec::ExportFormat;
   for (const auto& [format, name, default_path, meaning] :
-       {std::tuple{gpkg, "gpkg", "map.gpkg",
-                   "GeoPackage: one file for QGIS and ogr, nothing private in it but its version"},
+       {std::tuple{gpkg, "gpkg", "map.gpkg", "GeoPackage: the map as one file for QGIS and ogr"},
         {geojson, "geojson", "-", "GeoJSON (RFC 7946): WGS 84 longitude, latitude, height"},
         {lanelet2, "lanelet2", "-", "Lanelet2 (OSM XML): curbstone and road_border, nodes with ele"}}) {
     CLI::App* command = exporter->add_subcommand(name, meaning);
