@@ -30,7 +30,8 @@ void OptimiserStage::run(const std::stop_token& stop) {
 
 void OptimiserStage::publish(const MapChange& change, const std::stop_token& stop) {
   publisher_.publish(change, back_end_.map(), [&](std::size_t bytes) {
-    // Only the server's own copy of the map must not miss a frame, and it reads in no time; its clients have cursors.
+    // The server's copy of the map and the store's must not miss a frame; clients have cursors. Both read in no time,
+    // the store unless its disk hangs: the log holds minutes of the largest frames, hours of usual ones.
     while (!log_.has_room(bytes) && !stop.stop_requested()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   });
   reports_.store({back_end_.report(), publisher_.head(), back_end_.T_map_odom()});
