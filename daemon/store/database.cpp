@@ -88,6 +88,9 @@ Stored<Database> Database::open(const std::string& path, Mode mode) {
   database.database_.reset(raw);
   if (code != SQLITE_OK) return in_trouble(trouble_of(code), raw == nullptr ? "out of memory" : sqlite3_errmsg(raw));
   sqlite3_busy_timeout(raw, kBusyTimeout_ms);
+  // The log goes into the file when we say so, and not when a connection ends that has found out that the file is
+  // another.
+  sqlite3_db_config(raw, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   return database;
 }
 

@@ -1,5 +1,7 @@
 #include "daemon/store/map_file.h"
 
+#include <sys/stat.h>
+
 #include <GeographicLib/LocalCartesian.hpp>
 #include <algorithm>
 #include <cmath>
@@ -11,10 +13,15 @@
 namespace roadvec {
 namespace {
 
-/// A reader that stays open keeps the log from being reused; beyond 16 MiB it is cut once he has gone.
+/// A reader that stays open keeps the log from being reused; beyond 16 MiB it is cut once he has gone. It goes into the
+/// file when we ask for it: whoever else writes there is found out.
 constexpr const char* kLiveSettings =
-    "PRAGMA synchronous = FULL; PRAGMA journal_size_limit = 16777216; SELECT count(*) FROM sqlite_master; "
+    "PRAGMA synchronous = FULL; PRAGMA journal_size_limit = 16777216; PRAGMA wal_autocheckpoint = 0; SELECT count(*) "
+    "FROM sqlite_master; "
     "PRAGMA wal_checkpoint(TRUNCATE)";
+
+/// As SQLite itself has it: a thousand pages.
+constexpr std::uintmax_t kTakeInLog_bytes = 4 << 20;
 
 constexpr const char* kNow = "strftime('%Y-%m-%dT%H:%M:%fZ', 'now')";
 
@@ -114,7 +121,7 @@ Stored<MapFile> MapFile::open(const std::filesystem::path& path) {
     return prepare_to_write(*database);
   });
   if (!ready) return tl::unexpected<StoreError>(ready.error());
-  return MapFile(std::move(*database));
+  return MapFile(std::move(*database), path);
 }
 
 Stored<MapFile> MapFile::open_to_read(const std::filesystem::path& path) {
@@ -129,11 +136,45 @@ Stored<MapFile> MapFile::open_to_read(const std::filesystem::path& path) {
     return in_trouble(StoreTrouble::newer, "schema version " + std::to_string(*version) + ", this program reads " +
                                                std::to_string(kSchemaVersion));
   }
-  return MapFile(std::move(*database));
+  return MapFile(std::move(*database), path);
+}
+
+MapFile::Stamp MapFile::stamp() const {
+  struct stat facts {};
+  if (::stat(path_.c_str(), &facts) != 0) return {};
+  return {std::int64_t{facts.st_mtim.tv_sec} * 1'000'000'000 + facts.st_mtim.tv_nsec, facts.st_size};
+}
+
+Stored<void> MapFile::find_unchanged() {
+  if (database_.has_moved()) return in_trouble(StoreTrouble::replaced, "another file has its name, or none");
+  const Stamp now = stamp();
+  if (now == stamp_) return {};
+  // Another SQLite may have taken in the log; a file copied over this one does not go with the log.
+  const Stored<Database> other = Database::open(path_.string(), Database::Mode::read);
+  if (!other) return tl::unexpected<StoreError>(other.error());
+  const Stored<std::string> verdict = other->text("PRAGMA integrity_check(1)");
+  const auto as_we_left_it =
+      other->number("SELECT count(*) FROM parts WHERE part = " + std::to_string(written_.number) +
+                    " AND seq = " + std::to_string(written_.head.seq) +
+                    " AND epoch = " + std::to_string(static_cast<std::int64_t>(written_.head.epoch)));
+  const bool is_ours = as_we_left_it && (*as_we_left_it == 1 || written_.number == 0);
+  if (verdict != "ok" || !is_ours) return in_trouble(StoreTrouble::replaced, "others have written into it");
+  stamp_ = now;
+  return {};
+}
+
+/// Now and then, so that neither the log nor what a start reads of it grows.
+Stored<void> MapFile::take_in_log() {
+  std::error_code error;
+  const std::uintmax_t log_bytes = std::filesystem::file_size(path_.string() + "-wal", error);
+  if (error || log_bytes < kTakeInLog_bytes) return {};
+  const Stored<void> done = database_.run("PRAGMA wal_checkpoint(PASSIVE)");
+  stamp_ = stamp();
+  return done;
 }
 
 Stored<void> MapFile::write(MapPart& part, const VectorMap& map, const std::set<LineId>& changed) {
-  if (database_.has_moved()) return in_trouble(StoreTrouble::replaced, "another file has its name, or none");
+  if (const Stored<void> unchanged = find_unchanged(); !unchanged) return unchanged;
   MapPart written = part;
   Stored<void> done = database_.run("BEGIN IMMEDIATE")
                           .and_then([&] { return write_part(written); })
@@ -143,10 +184,11 @@ Stored<void> MapFile::write(MapPart& part, const VectorMap& map, const std::set<
     database_.roll_back();
     return done;
   }
+  written_ = written;
   // What went into a file that has lost its name would be lost with it.
-  if (database_.has_moved()) return in_trouble(StoreTrouble::replaced, "another file has its name, or none");
-  part = written;
-  return {};
+  done = find_unchanged().and_then([&] { return take_in_log(); });
+  if (done) part = written;
+  return done;
 }
 
 Stored<void> MapFile::write_part(MapPart& part) const {

@@ -30,7 +30,8 @@ class MapFile {
 
   /// Puts the lines `changed` into the part as they are in `map`, or takes them out where they are not, and notes what
   /// the part has come to; all of it or nothing. A part numbered 0 is new and gets its number. Fails with `replaced`
-  /// when afterwards the path names another file, or the part is gone from it.
+  /// when the path names another file, before or after, when others have written into the file and left it damaged, or
+  /// when the part is gone from it.
   [[nodiscard]] Stored<void> write(MapPart& part, const VectorMap& map, const std::set<LineId>& changed);
 
   /// In the order in which they were begun.
@@ -38,18 +39,30 @@ class MapFile {
   /// The part's lines in whole millimetres; what the file keeps per line (height, sigmas), each vertex gets.
   [[nodiscard]] Stored<VectorMap> lines(const MapPart& part) const;
 
-  [[nodiscard]] bool has_moved() const { return database_.has_moved(); }
+  /// As write(), when there is nothing to write.
+  [[nodiscard]] Stored<void> find_unchanged();
   /// One file without a log beside it, which every SQLite opens; nobody may be reading.
   [[nodiscard]] Stored<void> leave_wal() const { return database_.run("PRAGMA journal_mode = DELETE"); }
 
  private:
-  explicit MapFile(Database database) : database_(std::move(database)) {}
+  /// What changes when somebody writes into the file, and not into the log beside it.
+  struct Stamp {
+    std::int64_t modified_ns = 0, size_bytes = 0;
+    friend bool operator==(const Stamp&, const Stamp&) = default;
+  };
+  MapFile(Database database, std::filesystem::path path)
+      : database_(std::move(database)), path_(std::move(path)), stamp_(stamp()) {}
+  [[nodiscard]] Stamp stamp() const;
+  [[nodiscard]] Stored<void> take_in_log();
   [[nodiscard]] Stored<void> write_part(MapPart& part) const;
   [[nodiscard]] Stored<void> write_lines(const MapPart& part, const VectorMap& map,
                                          const std::set<LineId>& changed) const;
   [[nodiscard]] Stored<void> note_extent(const GeoEnvelope& extent) const;
 
   Database database_;
+  std::filesystem::path path_;
+  MapPart written_;  ///< since it was opened
+  Stamp stamp_;      ///< since we last wrote into the file itself
 };
 
 }  // namespace roadvec

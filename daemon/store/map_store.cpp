@@ -138,7 +138,10 @@ Stored<void> MapStore::find_part(const MapFile& file) {
 
 void MapStore::write(bool finished) {
   const bool news = !copy_.changed().empty() || finished != part_.finished;
-  if (!news) return file_->has_moved() ? meet({StoreTrouble::replaced, "another file has its name, or none"}) : say({});
+  if (!news) {
+    const Stored<void> unchanged = file_->find_unchanged();
+    return unchanged ? say({}) : meet(unchanged.error());
+  }
   const Clock::time_point begin = Clock::now();
   MapPart part = part_;
   part.head = copy_.head();

@@ -179,6 +179,41 @@ TEST_F(MapStoreTest, a_file_put_in_its_place_gets_the_map_as_a_part_and_keeps_it
   EXPECT_EQ(MapFile::open_to_read(path_)->lines(other).value().size(), 1U);
 }
 
+TEST_F(MapStoreTest, a_file_copied_over_the_open_one_is_noticed_and_keeps_what_it_brings) {
+  start();
+  publish(60);
+  wait_until_all_is_kept();
+  MapPart other{.number = 0, .anchor = {50, 9, 0, 0}, .head = {1, 1}};
+  VectorMap lines;
+  for (LineId id = 1; id <= 300; ++id) {
+    lines[id].id = id;
+    lines[id].vertices = {{0, 0}, {1, 0}};
+  }
+  {
+    MapFile backup = MapFile::open(folder_ / "backup.gpkg").value();
+    std::set<LineId> ids;
+    for (const auto& [id, line] : lines) ids.insert(id);
+    ASSERT_TRUE(backup.write(other, lines, ids));
+    ASSERT_TRUE(backup.leave_wal());
+  }
+  std::ofstream(path_, std::ios::binary) << bytes_of(folder_ / "backup.gpkg");
+  wait_until("opened again", [](const StoreReport& r) { return r.opened_count == 2; });
+  publish(10);
+  wait_until_all_is_kept();
+  expect_kept(2);
+  EXPECT_EQ(MapFile::open_to_read(path_)->lines(other).value().size(), 300U);
+}
+
+TEST_F(MapStoreTest, a_file_cut_to_nothing_is_written_anew) {
+  start();
+  publish(60);
+  wait_until_all_is_kept();
+  std::filesystem::resize_file(path_, 0);
+  wait_until("opened again", [](const StoreReport& r) { return r.opened_count == 2; });
+  wait_until_all_is_kept();
+  expect_kept(1);
+}
+
 TEST_F(MapStoreTest, a_damaged_file_is_set_aside_with_its_bytes_and_named) {
   std::filesystem::create_directories(directory_);
   const std::string rubbish(20'000, 'x');
