@@ -25,14 +25,15 @@ IN THE CAR
   roadvecd reads the LiDAR's UDP packets, the CAN bus and the IMU as its
   configuration says, serves the growing map on a UNIX socket, and keeps it in
   map.gpkg, a GeoPackage, which ogrinfo and QGIS open meanwhile. Every batch of
-  changes is on the disk when 'roadvec status' says so (durable). Each start adds
-  a part to the file. A full disk, a lock, a file moved away: mapping goes on, the
+  changes is on the disk when 'roadvec status' says so. Each start adds a part to
+  the file. A full disk, a lock, a file moved away: mapping goes on, the
   status says so, and it is written when the cause is gone. A damaged file is set
   aside as map-damaged-<UTC>.gpkg. SIGTERM and SIGINT end it; with --out it then
-  leaves the files below too. SIGHUP reads the configuration again: log.level changes at once, other keys are named and wait for a restart,
-  and a wrong file changes nothing. UDP ports and the map's socket are taken over
-  where systemd hands them over (roadvec-lidar.socket, roadvec-map.socket), and
-  opened where not.
+  leaves the files below too. SIGHUP reads the configuration again: log.level
+  changes at once, other keys are named and wait for a restart, and a wrong file
+  changes nothing. UDP ports and the map's socket are taken over where systemd
+  hands them over (roadvec-lidar.socket, roadvec-map.socket), and opened where
+  not.
 
 RECORDED DRIVES
   With --drive it maps a recorded drive as fast as it can, writes

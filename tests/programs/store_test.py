@@ -195,6 +195,16 @@ class StoreTest(LiveDaemonTest):
             self.assertIn(aside[0].name, self.stop(daemon))
         self.assertEqual(aside[0].read_bytes(), b"not a map" * 1000)
 
+    def test_a_daemon_that_could_never_write_maps_and_says_at_its_end_what_is_missing(self):
+        self.map.write_text("a file in the way", encoding="utf-8")
+        with self.mapping_daemon() as (daemon, _):
+            self.wait_until_degraded("cannot be written")
+            self.wait_until("a map", lambda: self.status()["line_count"] > 0)
+            daemon.terminate()
+            _, log = daemon.communicate(timeout=30)
+        self.assertEqual(daemon.returncode, 1, log)
+        self.assertIn("the end of the map is not on the disk", log)
+
     # --- file systems -----------------------------------------------------------------------------------------------------
 
     def mount(self, options):
