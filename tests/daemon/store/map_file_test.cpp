@@ -143,6 +143,23 @@ TEST_F(MapFileTest, what_is_not_ours_or_of_a_later_version_is_told_apart_and_lef
   EXPECT_EQ(trouble(), StoreTrouble::damaged);
 }
 
+TEST_F(MapFileTest, the_log_goes_into_the_file_now_and_then) {
+  VectorMap map;
+  MapLine& line = map[1];
+  line.id = 1;
+  for (int i = 0; i < 40'000; ++i) line.vertices.push_back({0.025 * i, 0.0});
+  MapFile file = open();
+  std::uintmax_t most_bytes = 0;
+  for (int batch = 0; batch < 12; ++batch) {  // of a megabyte
+    for (Vertex& vertex : line.vertices) vertex.y_m += 0.5;
+    ASSERT_TRUE(file.write(part_, map, {1}));
+    most_bytes = std::max(most_bytes, std::filesystem::file_size(path_.string() + "-wal"));
+  }
+  EXPECT_GT(most_bytes, std::uintmax_t{3} << 20);
+  EXPECT_LT(most_bytes, std::uintmax_t{6} << 20);
+  EXPECT_EQ(file.lines(part_).value().at(1).vertices.size(), line.vertices.size());
+}
+
 TEST_F(MapFileTest, the_log_is_asserted_anew_when_another_program_has_left_it) {
   ASSERT_TRUE(open().leave_wal());
   EXPECT_EQ(database().text("PRAGMA journal_mode"), "delete");
