@@ -93,7 +93,7 @@ GeographicLib::LocalCartesian enu_at(const Anchor& anchor) {
 
 /// The whole file is read: seconds for a map of gigabytes, so only when nobody has a lock that would end the opening.
 Stored<void> find_whole(const Database& database) {
-  const Stored<void> unlocked = database.run("BEGIN EXCLUSIVE; ROLLBACK");
+  Stored<void> unlocked = database.run("BEGIN EXCLUSIVE; ROLLBACK");
   if (!unlocked) return unlocked;
   const Stored<std::string> verdict = database.text("PRAGMA integrity_check(1)");
   if (!verdict) return tl::unexpected<StoreError>(verdict.error());
@@ -168,13 +168,13 @@ Stored<void> MapFile::take_in_log() {
   std::error_code error;
   const std::uintmax_t log_bytes = std::filesystem::file_size(path_.string() + "-wal", error);
   if (error || log_bytes < kTakeInLog_bytes) return {};
-  const Stored<void> done = database_.run("PRAGMA wal_checkpoint(PASSIVE)");
+  Stored<void> done = database_.run("PRAGMA wal_checkpoint(PASSIVE)");
   stamp_ = stamp();
   return done;
 }
 
 Stored<void> MapFile::write(MapPart& part, const VectorMap& map, const std::set<LineId>& changed) {
-  if (const Stored<void> unchanged = find_unchanged(); !unchanged) return unchanged;
+  if (Stored<void> unchanged = find_unchanged(); !unchanged) return unchanged;
   MapPart written = part;
   Stored<void> done = database_.run("BEGIN IMMEDIATE")
                           .and_then([&] { return write_part(written); })
@@ -198,7 +198,7 @@ Stored<void> MapFile::write_part(MapPart& part) const {
     Stored<Statement> update = database_.prepare(
         std::string("UPDATE parts SET epoch = ?, seq = ?, finished = ?, changed = ") + kNow + " WHERE part = ?");
     if (!update) return tl::unexpected<StoreError>(update.error());
-    const Stored<void> done = update->execute(epoch, seq, finished, part.number);
+    Stored<void> done = update->execute(epoch, seq, finished, part.number);
     if (done && database_.changed_rows() != 1) return in_trouble(StoreTrouble::replaced, "what was written has gone");
     return done;
   }
@@ -209,8 +209,7 @@ Stored<void> MapFile::write_part(MapPart& part) const {
       kNow + ", " + kNow + ")");
   if (!insert) return tl::unexpected<StoreError>(insert.error());
   const Anchor& a = part.anchor;
-  const Stored<void> done =
-      insert->execute(epoch, seq, finished, a.latitude_deg, a.longitude_deg, a.height_m, a.yaw_deg);
+  Stored<void> done = insert->execute(epoch, seq, finished, a.latitude_deg, a.longitude_deg, a.height_m, a.yaw_deg);
   if (!done) return done;
   return database_.number("SELECT last_insert_rowid()").map([&](std::int64_t number) { part.number = number; });
 }

@@ -60,12 +60,12 @@ UPDATE x_schema SET version = 2;
 
 /// 0: nothing in it yet.
 Stored<std::int64_t> version_of(const Database& database) {
-  const Stored<std::int64_t> table_count = database.number("SELECT count(*) FROM sqlite_master");
+  Stored<std::int64_t> table_count = database.number("SELECT count(*) FROM sqlite_master");
   if (!table_count || *table_count == 0) return table_count;
-  const Stored<std::int64_t> id = database.number("PRAGMA application_id");
+  Stored<std::int64_t> id = database.number("PRAGMA application_id");
   if (!id) return id;
   if (*id != kGeoPackageId) return in_trouble(StoreTrouble::foreign, "not a GeoPackage");
-  const Stored<std::int64_t> ours =
+  Stored<std::int64_t> ours =
       database.number("SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name IN ('x_schema', 'boundaries')");
   if (!ours) return ours;
   if (*ours != 2) return in_trouble(StoreTrouble::foreign, "a GeoPackage, but not a map of roadvecd");
@@ -87,7 +87,7 @@ Stored<void> bring_up_to(const Database& database, std::int64_t version) {
   for (auto step = static_cast<std::size_t>(*found); step < static_cast<std::size_t>(version); ++step) {
     steps += kSteps[step];
   }
-  const Stored<void> done = database.run(steps + "COMMIT;");
+  Stored<void> done = database.run(steps + "COMMIT;");
   if (!done) database.roll_back();
   return done;
 }
