@@ -25,10 +25,10 @@ T or_throw(Expected<T> value) {
 }
 
 /// Told apart from every earlier map by chance; a drive's map has no clients, and the same drive gives the same bytes.
-MapHead first_head(InputKind kind) {
-  if (kind == InputKind::recorded) return {.epoch = 1, .seq = 0};
+MapHead first_head(InputKind kind, const Pose2& T_map_odom) {
   std::random_device random;
-  return {.epoch = (static_cast<std::uint64_t>(random()) << 32 | random()) | 1, .seq = 0};
+  const std::uint64_t chance = (static_cast<std::uint64_t>(random()) << 32 | random()) | 1;
+  return {.epoch = kind == InputKind::recorded ? 1 : chance, .seq = 0, .T_map_odom = T_map_odom};
 }
 
 }  // namespace
@@ -47,12 +47,12 @@ Daemon::Daemon(const Settings& settings, InputKind kind, Service& service, const
   if (!settings_.anchor) settings_.anchor = or_throw(anchor_from_gps(lidar, kind, service));
   VehicleInput vehicle = or_throw(open_vehicle(settings_, kind, sockets));
   imu_device_ = vehicle.imu_device;
-  const MapHead head = first_head(kind);
+  const Pose2 T_map_odom_start{0, 0, rad_from_deg(settings_.anchor->yaw_deg)};
+  const MapHead head = first_head(kind, T_map_odom_start);
   lidar_.emplace(std::move(lidar.source), lidar.model, lidar.calibration, lidar.options, lidar_counters_, sweeps_);
   vehicle_.emplace(std::move(vehicle.inputs), motion_);
   mapping_.emplace(settings_.pipeline, front_end_setup(settings_, lidar.model), sweeps_, motion_, mapping_bell_,
                    keyframes_, poses_);
-  const Pose2 T_map_odom_start{0, 0, rad_from_deg(settings_.anchor->yaw_deg)};
   optimiser_.emplace(settings_.pipeline, T_map_odom_start, keyframes_, optimiser_bell_, frames_, head);
   if (kind == InputKind::recorded) return;
   MapServerConfig server;

@@ -101,6 +101,7 @@ void fields(Walk& f, M& m) {
 template <class Walk, Is<Overrun> M>
 void fields(Walk& f, M& m) {
   f.fixed(1, m.epoch), f.number(2, m.first_lost_seq), f.number(3, m.last_lost_seq), f.number(4, m.tile_count);
+  f.optional(5, m.T_map_odom);
 }
 template <class Walk, Is<PoseCovariance> M>
 void fields(Walk& f, M& m) {
@@ -144,7 +145,7 @@ void fields(Walk& f, M& m) {
 
 template <class Walk, Is<Bye> M>
 void fields(Walk& f, M& m) {
-  f.choice(1, m.reason, Bye::Reason::map_lost), f.text(2, m.text);
+  f.choice(1, m.reason, Bye::Reason::not_authorised), f.text(2, m.text);
 }
 template <class Walk, Is<Error> M>
 void fields(Walk& f, M& m) {

@@ -23,12 +23,24 @@ void apply(const TileDelta& delta, Tile& tile) {
   tile.revision = delta.revision;
 }
 
-MapReplica MapReplica::empty_at(std::uint64_t epoch, std::uint64_t seq) {
+MapReplica MapReplica::empty_at(std::uint64_t epoch, std::uint64_t seq, const Pose2& T_map_odom) {
   MapReplica replica;
   replica.phase_ = Phase::following;
   replica.epoch_ = epoch;
   replica.seq_ = seq;
+  replica.T_map_odom_ = T_map_odom;
   return replica;
+}
+
+std::optional<Resume> MapReplica::resume() const {
+  if (phase_ != Phase::following) return std::nullopt;
+  return Resume{epoch_, seq_};
+}
+
+std::vector<KnownTile> MapReplica::known() const {
+  std::vector<KnownTile> known;
+  for (const auto& [key, tile] : tiles_) known.push_back({key, tile.revision});
+  return known;
 }
 
 MapReplica::Outcome MapReplica::apply(const Message& message) {
@@ -41,6 +53,7 @@ MapReplica::Outcome MapReplica::take(const SnapshotBegin& begin) {
   continued_ = false;
   epoch_ = begin.epoch;
   seq_ = begin.as_of_seq;
+  T_map_odom_ = begin.T_map_odom;
   return Outcome::applied;
 }
 
@@ -60,8 +73,7 @@ MapReplica::Outcome MapReplica::take(const SnapshotEnd& end) {
 }
 
 MapReplica::Outcome MapReplica::take(const Resumed& resumed) {
-  if (resumed.from_seq != seq_ + 1) return Outcome::out_of_order;
-  phase_ = Phase::following;
+  if (phase_ != Phase::following || resumed.from_seq != seq_ + 1) return Outcome::out_of_order;
   return Outcome::applied;
 }
 
@@ -70,6 +82,7 @@ MapReplica::Outcome MapReplica::take(const Overrun& overrun) {
   phase_ = Phase::receiving_tiles;
   continued_ = false;
   epoch_ = overrun.epoch;
+  if (overrun.T_map_odom) T_map_odom_ = *overrun.T_map_odom;
   return Outcome::applied;
 }
 

@@ -25,12 +25,16 @@ class MapReplica {
   [[nodiscard]] std::uint64_t seq() const { return seq_; }
   [[nodiscard]] const Pose2& T_map_odom() const { return T_map_odom_; }
   [[nodiscard]] const std::map<TileKey, Tile>& tiles() const { return tiles_; }
+  /// What to ask for after a broken connection, with the same area. None: it broke between SnapshotBegin or Overrun and
+  /// SnapshotEnd, so this copy is the map of no seq; ask for a snapshot without the tiles that known() names.
+  [[nodiscard]] std::optional<Resume> resume() const;
+  [[nodiscard]] std::vector<KnownTile> known() const;
   /// Whole lines, by id. A line of which vertices are missing, because they lie outside the subscribed area, is left
   /// out.
   [[nodiscard]] VectorMap lines() const;
 
   /// An empty map that follows from seq + 1 on: how the server's own copy begins.
-  [[nodiscard]] static MapReplica empty_at(std::uint64_t epoch, std::uint64_t seq);
+  [[nodiscard]] static MapReplica empty_at(std::uint64_t epoch, std::uint64_t seq, const Pose2& T_map_odom = {});
 
  private:
   enum class Phase { nothing, receiving_tiles, following };

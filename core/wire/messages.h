@@ -14,7 +14,7 @@
 /// that times are SensorTime and tiles, deltas and lineage are those of core/map.
 namespace roadvec::wire {
 
-inline constexpr std::uint32_t kProtoMajor = 1, kProtoMinor = 0;
+inline constexpr std::uint32_t kProtoMajor = 1, kProtoMinor = 1;
 
 struct Hello {
   std::uint32_t proto_major = kProtoMajor, proto_minor = kProtoMinor;
@@ -93,6 +93,7 @@ struct EpochChange {
 struct Overrun {
   std::uint64_t epoch = 0, first_lost_seq = 0, last_lost_seq = 0;
   std::uint32_t tile_count = 0;
+  std::optional<Pose2> T_map_odom;  ///< none: from a server of 1.0
 };
 struct Pose {
   SensorTime time;
@@ -150,7 +151,8 @@ struct Bye {
     stalled,
     too_many_clients,
     unexpected_message,
-    map_lost
+    map_lost,
+    not_authorised
   };
   Reason reason = Reason::unspecified;
   std::string text;

@@ -11,26 +11,47 @@
 
 namespace roadvec {
 
+/// What the owner may ask of the daemon on the control socket. Called by the server's thread, and never waits.
+struct OwnerCommands {
+  std::function<Expected<void>(const wire::Command&)> begin;   ///< the error says why it cannot be done
+  std::function<std::optional<wire::CommandResult>()> result;  ///< of what was begun, once it is done
+};
+
 /// What the server answers, whatever the transport: requests in, frames queued on the session. Server thread only.
 class Conversation {
  public:
   struct Facts {
     std::string server_version;
-    std::optional<Anchor> anchor;  ///< none: the place on Earth is not known
+    std::optional<Anchor> anchor;           ///< none: the place on Earth is not known
+    std::optional<OwnerCommands> commands;  ///< none: no command can be carried out
+    /// A batch of changes or tiles is closed when it holds this much: it keeps a socket's buffer full, and is all that
+    /// a client that does not read costs beside its cursor.
+    std::size_t batch_bytes = std::size_t{64} << 10;
   };
   Conversation(ServedMap& map, Facts facts) : map_(map), facts_(std::move(facts)) {}
 
   /// Answers one Envelope of the client. A reason: the client must leave.
   [[nodiscard]] std::optional<wire::Bye> answer(Session& session, std::string_view envelope, double now_s);
-  /// Queues the next changes for a subscriber that has nothing waiting; false: it has them all, or wants them later.
+  /// Queues the next tiles or changes for a client that has nothing waiting; false: it has them all, or wants them
+  /// later.
   bool follow(Session& session, double now_s, bool hurry);
   [[nodiscard]] bool caught_up(const Session& session) const;
 
   /// The newest pose and status, for answers.
   void set_pose(const PoseReport& pose) { pose_ = pose; }
-  void set_status(SharedFrame status) { status_ = std::move(status); }
-  [[nodiscard]] std::uint64_t overrun_count() const { return overrun_count_; }
-  [[nodiscard]] std::uint64_t request_count() const { return request_count_; }
+  void set_status(wire::Status status);
+  [[nodiscard]] const SharedFrame& status_frame() const { return status_frame_; }
+  /// A command was begun and is not done.
+  [[nodiscard]] bool command_runs() const { return command_runs_; }
+  /// The result of that command, when it is there: for the session that awaits it.
+  [[nodiscard]] SharedFrame command_result();
+
+  struct Counts {
+    std::uint64_t requests = 0;
+    std::uint64_t overruns = 0;  ///< clients that lost changes
+    std::uint64_t recuts = 0;    ///< tiles that changed before a client had read them
+  };
+  [[nodiscard]] const Counts& counts() const { return counts_; }
 
  private:
   using Ending = std::optional<wire::Bye>;
@@ -38,24 +59,35 @@ class Conversation {
   Ending take(Session& session, const wire::GetTiles& request, double now_s);
   Ending take(Session& session, const wire::Subscribe& request, double now_s);
   Ending take(Session& session, const wire::GetStatus& request, double now_s);
+  Ending take(Session& session, const wire::GetMetrics& request, double now_s);
   Ending take(Session& session, const wire::Ping& ping, double now_s);
+  Ending take(Session& session, const wire::Command& command, double now_s);
   Ending take(Session& session, const auto& other, double now_s);
 
   template <class M>
   void reply(Session& session, const M& message, double now_s) {
     session.queue(map_.encoder().encode(message), now_s);
   }
-  std::vector<TileKey> chosen(const wire::GetTiles& request, const Pose2& T_map_vehicle) const;
+  void refuse(Session& session, wire::Error::Code code, std::string text, double now_s) {
+    reply(session, wire::Error{code, std::move(text)}, now_s);
+  }
+  void choose(Session::Delivery& delivery, const std::vector<wire::KnownTile>& known, std::uint64_t known_epoch) const;
+  void recut(Session::Delivery& delivery) const;
+  void sort(std::vector<TileKey>& keys) const;
   void snapshot(Session& session, const wire::Subscribe& request, double now_s);
   void overrun(Session& session, double now_s);
-  void end_snapshot(Session& session, const std::vector<TileKey>& keys, double now_s);
+  void announce_lost(Session& session, double now_s);
+  void deliver_snapshot(Session& session, double now_s);
+  void deliver_answer(Session& session, double now_s);
   [[nodiscard]] SharedFrame in_area(const SharedFrame& change, const std::optional<wire::Area>& area);
 
   ServedMap& map_;
   Facts facts_;
   std::optional<PoseReport> pose_;
-  SharedFrame status_;
-  std::uint64_t overrun_count_ = 0, request_count_ = 0;
+  wire::Status status_;
+  SharedFrame status_frame_;
+  bool command_runs_ = false;
+  Counts counts_;
 };
 
 }  // namespace roadvec

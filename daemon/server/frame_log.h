@@ -30,6 +30,8 @@ class FrameLog {
   /// Writer: appending this many bytes overwrites nothing that a Reader has still to read.
   [[nodiscard]] bool has_room(std::size_t frame_bytes) const noexcept;
 
+  /// Any thread: where the oldest frame begins that is still there, or the next will be.
+  [[nodiscard]] Position oldest() const noexcept { return tail_.load(std::memory_order_relaxed); }
   /// Any thread: copies the frame at the position and moves it on. Overrun: moves it to the oldest frame there is.
   Outcome read(Position& position, std::string& frame) const;
 

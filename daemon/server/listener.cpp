@@ -4,6 +4,7 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
@@ -14,7 +15,7 @@ namespace roadvec {
 namespace {
 
 [[noreturn]] void fail_to_listen(const std::string& path, const std::string& what) {
-  throw std::runtime_error("map socket " + path + ": " + what);
+  throw std::runtime_error("socket " + path + ": " + what);
 }
 
 sockaddr_un address_of(const std::string& path) {
@@ -29,7 +30,7 @@ sockaddr_un address_of(const std::string& path) {
 
 FileDescriptor new_socket() {
   FileDescriptor socket(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-  if (socket.get() < 0) throw std::system_error(errno, std::generic_category(), "map socket: socket");
+  if (socket.get() < 0) throw std::system_error(errno, std::generic_category(), "UNIX socket");
   return socket;
 }
 
@@ -70,6 +71,13 @@ Listener::Listener(const std::string& path, mode_t mode, int adopted_fd) : socke
   } else if (const int flags = ::fcntl(adopted_fd, F_GETFL);
              flags < 0 || ::fcntl(adopted_fd, F_SETFL, flags | O_NONBLOCK) != 0) {
     fail_to_listen("fd " + std::to_string(adopted_fd), std::string("handed over, but ") + std::strerror(errno));
+  }
+}
+
+void Listener::give_to(gid_t group) const {
+  if (::chown(owned_path_.c_str(), static_cast<uid_t>(-1), group) != 0) {
+    fail_to_listen(owned_path_, std::string("cannot give it to its group: ") + std::strerror(errno) +
+                                    "; is the daemon's user a member of the group?");
   }
 }
 

@@ -20,6 +20,8 @@ class Listener {
   ~Listener() { close(); }
 
   [[nodiscard]] int fd() const { return socket_.get(); }
+  /// Lets a group use the socket file that we have made, as far as its mode says. Throws when we may not.
+  void give_to(gid_t group) const;
   /// A new connection, non-blocking; get() < 0 when there is none or errno says why.
   [[nodiscard]] FileDescriptor accept() const;
   /// Stops listening and removes the socket file if it is still ours.

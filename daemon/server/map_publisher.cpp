@@ -6,9 +6,6 @@
 namespace roadvec {
 namespace {
 
-/// A frame is closed when it holds this much: small enough to share a log of a few MiB with many others.
-constexpr std::size_t kFullFrameBytes = std::size_t{256} << 10;
-
 /// Upper limit of what a tile delta takes on the wire: six numbers of at most five bytes per vertex.
 std::size_t most_bytes(const TileDelta& delta) {
   std::size_t bytes = 32 + 10 * delta.removed.size();
@@ -18,8 +15,11 @@ std::size_t most_bytes(const TileDelta& delta) {
 
 }  // namespace
 
-MapPublisher::MapPublisher(FrameLog& log, MapHead start)
-    : log_(log), head_(start), buffer_(wire::kMostServerBytes + wire::kFrameHeaderBytes) {}
+MapPublisher::MapPublisher(FrameLog& log, MapHead start, std::size_t full_frame_bytes)
+    : log_(log),
+      full_frame_bytes_(full_frame_bytes),
+      head_(start),
+      buffer_(wire::kMostServerBytes + wire::kFrameHeaderBytes) {}
 
 wire::Delta MapPublisher::next_delta(const MapChange& change) {
   wire::Delta delta;
@@ -35,9 +35,9 @@ std::vector<wire::Message> MapPublisher::messages_for(const MapChange& change, c
   if (change.closed_loop) {
     const std::uint64_t before = head_.epoch++;
     messages.push_back(wire::EpochChange{wire::EpochChange::Reason::loop_closure, before, head_.epoch, ++head_.seq,
-                                         change.time, T_map_odom_, change.T_map_odom});
+                                         change.time, head_.T_map_odom, change.T_map_odom});
   }
-  T_map_odom_ = change.T_map_odom;
+  head_.T_map_odom = change.T_map_odom;
   std::vector<TileDelta> tiles = tiles_.apply(change, map);
   if (tiles.empty() && change.lineage.empty()) return messages;
 
@@ -46,7 +46,7 @@ std::vector<wire::Message> MapPublisher::messages_for(const MapChange& change, c
   std::size_t bytes = 0;
   for (TileDelta& tile : tiles) {
     const std::size_t more_bytes = most_bytes(tile);
-    if (!delta.tiles.empty() && bytes + more_bytes > kFullFrameBytes) {
+    if (!delta.tiles.empty() && bytes + more_bytes > full_frame_bytes_) {
       delta.continued = true;
       messages.push_back(std::move(delta));
       delta = next_delta(change);

@@ -8,9 +8,11 @@
 
 namespace roadvec {
 
-/// How far the published map has come: the newest change, and the epoch it belongs to.
+/// How far the published map has come: the newest change, the epoch it belongs to, and the correction of the odometry
+/// then in force.
 struct MapHead {
   std::uint64_t epoch = 0, seq = 0;
+  Pose2 T_map_odom;
 };
 
 /// Optimiser thread: changes of the map -> encoded Delta and EpochChange frames in the log. The same changes give the
@@ -18,8 +20,9 @@ struct MapHead {
 class MapPublisher {
  public:
   /// `start` is the head before the first change; the MapServer of the same log gets the same. For a map that goes on
-  /// after a restart, publish all its lines first, as one change.
-  MapPublisher(FrameLog& log, MapHead start);
+  /// after a restart, publish all its lines first, as one change. A frame is closed when it holds `full_frame_bytes`:
+  /// small enough to share a log of a few MiB with many others.
+  MapPublisher(FrameLog& log, MapHead start, std::size_t full_frame_bytes = std::size_t{256} << 10);
 
   /// `map` is the map after the change. A closed loop is announced by an EpochChange (with the next epoch) before the
   /// lines move. A change too big for one frame takes several. `wait(bytes)` is called before each append: wait there
@@ -40,8 +43,8 @@ class MapPublisher {
   wire::Delta next_delta(const MapChange& change);
 
   FrameLog& log_;
+  std::size_t full_frame_bytes_;
   MapHead head_;
-  Pose2 T_map_odom_;
   TileTable tiles_;
   std::vector<char> buffer_;
 };

@@ -1,11 +1,15 @@
 #include "daemon/server/map_server.h"
 
 #include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cmath>
+#include <stdexcept>
+#include <utility>
 
 namespace roadvec {
 namespace {
@@ -26,36 +30,21 @@ void add(std::atomic<std::uint64_t>& counter, std::uint64_t count) {
 
 }  // namespace
 
-wire::Stage stage_of(const ServerCounters& counters, std::size_t client_count) {
-  static constexpr std::array<const char*, std::tuple_size_v<decltype(ServerCounters::closed_count)>> kClosed = {
-      "closed_by_client", "closed_shutdown",     "closed_protocol_version", "closed_hello_timeout",
-      "closed_malformed", "closed_frame_length", "closed_frame_timeout",    "closed_stalled",
-      "closed_too_many",  "closed_unexpected",   "closed_map_lost"};
-  wire::Stage stage;
-  stage.name = "server";
-  stage.state = "ok";
-  const auto count = [&](const char* name, const std::atomic<std::uint64_t>& value) {
-    stage.counters.push_back({name, value.load(std::memory_order_relaxed)});
-  };
-  count("clients_connected", counters.connected_count);
-  count("requests", counters.requests_count);
-  count("frames_sent", counters.frames_sent_count);
-  count("bytes_sent", counters.bytes_sent_count);
-  count("clients_overrun", counters.overruns_count);
-  count("poses_skipped", counters.poses_skipped_count);
-  count("accept_errors", counters.accept_errors_count);
-  for (std::size_t i = 0; i < kClosed.size(); ++i) count(kClosed[i], counters.closed_count[i]);
-  stage.gauges.push_back({"clients", static_cast<double>(client_count)});
-  return stage;
-}
-
 MapServer::MapServer(const MapServerConfig& config, FrameLog& log, Latest<PoseReport>& poses, StatusProvider status)
     : config_(config),
       poses_(poses),
       status_provider_(std::move(status)),
       listener_(config.socket_path, config.socket_mode, config.adopted_fd),
       map_(log, config.start),
-      conversation_(map_, config.facts) {}
+      conversation_(map_, config.facts) {
+  if (!config.control_path.empty() || config.control_fd >= 0)
+    control_listener_.emplace(config.control_path, 0600, config.control_fd);
+  if (config.group.empty()) return;
+  const Expected<gid_t> group = group_of(config.group);
+  if (!group) throw std::runtime_error("server.group: " + group.error().message);
+  group_ = *group;
+  if (config.adopted_fd < 0) listener_.give_to(*group);
+}
 
 bool MapServer::run(std::stop_token stop) {
   const std::stop_callback wake(stop, [this] { map_.reader().ring(); });
@@ -68,18 +57,20 @@ bool MapServer::run(std::stop_token stop) {
         dismiss(session, {Reason::map_lost, "the server was overrun by its own log"}, now_s);
         (void)session.send(now_s);
       }
-      listener_.close();
+      close_listeners();
       return false;
     }
     if (now_s >= next_second_s_) every_second(now_s);
     std::size_t i = 0;
     work_is_left_ = false;
     for (Session& session : sessions_) serve(session, events_[i++], now_s);
+    finish_command(now_s);
     if (poses_.fresh()) send_pose(now_s);
     close_finished();
     if (stopping && !leaving_) begin_farewell(now_s);
     if (leaving_ && (sessions_.empty() || now_s > farewell_until_s_)) return true;
-    if (!leaving_ && client_waits_) accept_clients(now_s);
+    if (!leaving_ && client_waits_) accept_clients(listener_, false, now_s);
+    if (!leaving_ && owner_waits_) accept_clients(*control_listener_, true, now_s);
   }
 }
 
@@ -88,6 +79,7 @@ void MapServer::wait(double now_s) {
   polled.push_back({map_.reader().doorbell(), POLLIN, 0});
   const bool accepting = !leaving_ && now_s >= accept_again_s_;
   polled.push_back({accepting ? listener_.fd() : -1, POLLIN, 0});
+  polled.push_back({accepting && control_listener_ ? control_listener_->fd() : -1, POLLIN, 0});
   for (const Session& session : sessions_) {
     polled.push_back({session.fd(),
                       static_cast<short>(session.has_output()    ? POLLOUT
@@ -95,16 +87,27 @@ void MapServer::wait(double now_s) {
                                                                  : 0),
                       0});
   }
-  const double tick_s = work_is_left_ ? 0 : wants_poses() || leaving_ ? kPoseTick_s : kOrdinaryTick_s;
-  ::poll(polled.data(), polled.size(), static_cast<int>(tick_s * 1000));
+  ::poll(polled.data(), polled.size(), static_cast<int>(std::ceil(tick_s(now_s) * 1000)));
   client_waits_ = polled[1].revents != 0;
+  owner_waits_ = polled[2].revents != 0;
   events_.clear();
-  for (std::size_t i = 2; i < polled.size(); ++i) events_.push_back(polled[i].revents);
+  for (std::size_t i = 3; i < polled.size(); ++i) events_.push_back(polled[i].revents);
 }
 
-void MapServer::accept_clients(double now_s) {
-  while (true) {
-    FileDescriptor socket = listener_.accept();
+/// How long nothing happens unless a descriptor says so.
+double MapServer::tick_s(double now_s) const {
+  if (work_is_left_) return 0;
+  double tick_s = wants_poses() || leaving_ || conversation_.command_runs() ? kPoseTick_s : kOrdinaryTick_s;
+  for (const Session& session : sessions_) {
+    if (session.following && !session.has_output() && !conversation_.caught_up(session))
+      tick_s = std::min(tick_s, std::max(0.0, session.following->next_changes_s - now_s));
+  }
+  return tick_s;
+}
+
+void MapServer::accept_clients(const Listener& listener, bool as_owner, double now_s) {
+  for (int turn = 0; turn < kMostTurns; ++turn) {
+    FileDescriptor socket = listener.accept();
     if (socket.get() < 0) {
       if (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR || errno == ECONNABORTED) return;
       // Out of descriptors or memory: the connection stays in the queue and would wake us at once, so try again a
@@ -114,15 +117,52 @@ void MapServer::accept_clients(double now_s) {
       return;
     }
     add(counters_.connected_count, 1);
-    Session& session = sessions_.emplace_back(std::move(socket), now_s);
-    const auto here =
-        std::ranges::count_if(sessions_, [](const Session& s) { return s.state != Session::State::leaving; });
-    if (static_cast<std::size_t>(here) > config_.most_clients) {
-      dismiss(session, {Reason::too_many_clients, "at most " + std::to_string(config_.most_clients) + " clients"},
-              now_s);
+    if (config_.send_buffer_bytes > 0) {
+      ::setsockopt(socket.get(), SOL_SOCKET, SO_SNDBUF, &config_.send_buffer_bytes, sizeof config_.send_buffer_bytes);
+    }
+    Peer peer = peer_of(socket.get());
+    Session& session = sessions_.emplace_back(std::move(socket), std::move(peer), now_s);
+    session.is_owner = as_owner;
+    if (const auto bye = refusal(session)) {
+      dismiss(session, *bye, now_s);
       if (!session.send(now_s) || !session.has_output() || sessions_.size() > 2 * config_.most_clients)
         sessions_.pop_back();
     }
+  }
+}
+
+/// Why the newest session may not stay.
+std::optional<wire::Bye> MapServer::refusal(const Session& newcomer) const {
+  const Peer& peer = newcomer.peer();
+  if (!peer.is_owner(::geteuid())) {
+    if (newcomer.is_owner) return wire::Bye{Reason::not_authorised, "commands are for the daemon's own user and root"};
+    if (group_ && !peer.in_group(*group_))
+      return wire::Bye{Reason::not_authorised, "the map is for members of the group " + config_.group};
+  }
+  std::size_t all = 0, of_user = 0;
+  for (const Session& session : sessions_) {
+    if (session.state == Session::State::leaving || session.is_owner != newcomer.is_owner) continue;
+    ++all;
+    of_user += session.peer().uid == peer.uid ? 1 : 0;
+  }
+  const std::size_t most = newcomer.is_owner ? config_.most_owner_clients : config_.most_clients;
+  if (all > most) return wire::Bye{Reason::too_many_clients, "at most " + std::to_string(most) + " clients"};
+  if (!newcomer.is_owner && of_user > config_.most_clients_per_user) {
+    return wire::Bye{Reason::too_many_clients,
+                     "at most " + std::to_string(config_.most_clients_per_user) + " clients of one user"};
+  }
+  return std::nullopt;
+}
+
+/// Tells whoever gave the command that is done now.
+void MapServer::finish_command(double now_s) {
+  const SharedFrame result = conversation_.command_runs() ? conversation_.command_result() : nullptr;
+  if (!result) return;
+  for (Session& session : sessions_) {
+    if (!std::exchange(session.awaits_result, false)) continue;
+    session.queue(result, now_s);
+    session.frame_taken(now_s);  // meanwhile we did not read
+    advance(session, now_s);
   }
 }
 
@@ -133,14 +173,15 @@ void MapServer::every_second(double now_s) {
   status.epoch = map_.head().epoch;
   status.head_seq = map_.head().seq;
   status.tile_count = map_.replica().tiles().size();
-  status.stages.push_back(stage_of(counters_, sessions_.size()));
-  const SharedFrame frame = map_.encoder().encode(status);
+  std::map<uid_t, std::size_t> clients_of_user;
+  for (const Session& session : sessions_) ++clients_of_user[session.peer().uid];
+  status.stages.push_back(stage_of(counters_, clients_of_user));
+  conversation_.set_status(std::move(status));
   const SharedFrame heartbeat = map_.encoder().encode(wire::Heartbeat{map_.head().epoch, map_.head().seq});
-  conversation_.set_status(frame);
   for (Session& session : sessions_) {
     if (session.state != Session::State::greeted || session.has_output()) continue;
     session.queue(heartbeat, now_s);
-    if (session.following && session.following->status) session.queue(frame, now_s);
+    if (session.following && session.following->status) session.queue(conversation_.status_frame(), now_s);
   }
 }
 
@@ -193,11 +234,12 @@ void MapServer::advance(Session& session, double now_s) {
       continue;
     }
     // In the middle of a change in several frames nothing is answered: a snapshot would show half of it.
-    const auto envelope = leaving_ || !map_.replica().consistent() ? std::nullopt : session.input().next();
+    const bool busy = leaving_ || session.delivery || session.awaits_result || !map_.replica().consistent();
+    const auto envelope = busy ? std::nullopt : session.input().next();
     if (envelope) {
       session.frame_taken(now_s);
       if (const auto bye = conversation_.answer(session, *envelope, now_s)) dismiss(session, *bye, now_s);
-    } else if (session.input().wrong_length()) {
+    } else if (!busy && session.input().wrong_length()) {
       dismiss(session, {Reason::frame_length, "a frame of 0 bytes, or of more than 1 MiB"}, now_s);
     } else if (!conversation_.follow(session, now_s, leaving_)) {
       return;
@@ -235,10 +277,15 @@ void MapServer::close_left(Session& session, double now_s) {
   session.enter(Session::State::closed, now_s);
 }
 
+void MapServer::close_listeners() {
+  listener_.close();
+  if (control_listener_) control_listener_->close();
+}
+
 void MapServer::begin_farewell(double now_s) {
   leaving_ = true;
   farewell_until_s_ = now_s + config_.farewell_s;
-  listener_.close();
+  close_listeners();
   for (Session& session : sessions_) {
     if (session.state == Session::State::awaiting_hello) dismiss(session, {Reason::shutdown, "roadvecd stops"}, now_s);
   }
@@ -252,8 +299,10 @@ void MapServer::count_sent(Session& session) {
 
 void MapServer::close_finished() {
   std::erase_if(sessions_, [](const Session& session) { return session.state == Session::State::closed; });
-  counters_.requests_count.store(conversation_.request_count(), std::memory_order_relaxed);
-  counters_.overruns_count.store(conversation_.overrun_count(), std::memory_order_relaxed);
+  const Conversation::Counts& counts = conversation_.counts();
+  counters_.requests_count.store(counts.requests, std::memory_order_relaxed);
+  counters_.overruns_count.store(counts.overruns, std::memory_order_relaxed);
+  counters_.recuts_count.store(counts.recuts, std::memory_order_relaxed);
 }
 
 }  // namespace roadvec

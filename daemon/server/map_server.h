@@ -1,14 +1,14 @@
 #pragma once
 
-#include <array>
-#include <atomic>
 #include <functional>
 #include <list>
+#include <map>
 #include <stop_token>
 
 #include "core/ring/latest.h"
 #include "daemon/server/conversation.h"
 #include "daemon/server/listener.h"
+#include "daemon/server/server_counters.h"
 
 namespace roadvec {
 
@@ -16,20 +16,15 @@ struct MapServerConfig {
   std::string socket_path;
   unsigned socket_mode = 0660;  ///< who may connect: owner and group
   int adopted_fd = -1;          ///< a listening socket from systemd, in place of the path
+  std::string group;            ///< whose members may connect, beside owner and root; empty: whom the mode lets
+  std::string control_path;     ///< socket that takes commands, for owner and root; empty: none
+  int control_fd = -1;          ///< as adopted_fd
   MapHead start;                ///< the same as the MapPublisher's
   Conversation::Facts facts;
-  std::size_t most_clients = 64;
+  std::size_t most_clients = 64, most_clients_per_user = 16, most_owner_clients = 4;
+  int send_buffer_bytes = 0;  ///< what the kernel keeps for a client that does not read; 0: the system's own
   double hello_timeout_s = 5, stall_timeout_s = 10, half_frame_timeout_s = 10, farewell_s = 2;
 };
-
-/// Counts since start; any thread may read.
-struct ServerCounters {
-  std::atomic<std::uint64_t> connected_count{0}, requests_count{0}, frames_sent_count{0}, bytes_sent_count{0};
-  std::atomic<std::uint64_t> overruns_count{0}, poses_skipped_count{0}, accept_errors_count{0};
-  /// By the reason in our Bye; `unspecified`: the client left by itself.
-  std::array<std::atomic<std::uint64_t>, static_cast<std::size_t>(wire::Bye::Reason::map_lost) + 1> closed_count{};
-};
-[[nodiscard]] wire::Stage stage_of(const ServerCounters& counters, std::size_t client_count);
 
 /// Serves the map on a UNIX socket: one ordinary thread, poll(). A client costs a cursor into the log and the frames it
 /// has not yet taken; none can make another, or the optimiser, wait. The conversation and its limits are described in
@@ -53,7 +48,10 @@ class MapServer {
 
  private:
   void wait(double now_s);
-  void accept_clients(double now_s);
+  [[nodiscard]] double tick_s(double now_s) const;
+  void accept_clients(const Listener& listener, bool as_owner, double now_s);
+  [[nodiscard]] std::optional<wire::Bye> refusal(const Session& newcomer) const;
+  void finish_command(double now_s);
   void every_second(double now_s);
   void send_pose(double now_s);
   void serve(Session& session, short events, double now_s);
@@ -61,6 +59,7 @@ class MapServer {
   void enforce_time_limits(Session& session, double now_s);
   void dismiss(Session& session, const wire::Bye& bye, double now_s);
   void close_left(Session& session, double now_s);
+  void close_listeners();
   void begin_farewell(double now_s);
   void close_finished();
   void count_sent(Session& session);
@@ -70,12 +69,14 @@ class MapServer {
   Latest<PoseReport>& poses_;
   StatusProvider status_provider_;
   Listener listener_;
+  std::optional<Listener> control_listener_;
+  std::optional<gid_t> group_;
   ServedMap map_;
   Conversation conversation_;
   std::list<Session> sessions_;
   std::vector<short> events_;  ///< of poll, one per session in the same order
   ServerCounters counters_;
-  bool client_waits_ = false, work_is_left_ = false, leaving_ = false;
+  bool client_waits_ = false, owner_waits_ = false, work_is_left_ = false, leaving_ = false;
   double accept_again_s_ = 0, next_second_s_ = 0, farewell_until_s_ = 0;
 };
 

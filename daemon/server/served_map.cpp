@@ -3,17 +3,11 @@
 #include <algorithm>
 
 namespace roadvec {
-namespace {
-
-/// 16 MiB of the smallest changes: positions of what the log has long overwritten are not worth keeping.
-constexpr std::size_t kMostPositions = std::size_t{1} << 18;
-
-}  // namespace
 
 ServedMap::ServedMap(FrameLog& log, MapHead start)
     : log_(log),
       reader_(log),
-      replica_(wire::MapReplica::empty_at(start.epoch, start.seq)),
+      replica_(wire::MapReplica::empty_at(start.epoch, start.seq, start.T_map_odom)),
       first_seq_(start.seq + 1),
       epochs_{start} {}
 
@@ -23,6 +17,7 @@ ServedMap::Taken ServedMap::take_new() {
     const FrameLog::Position position = reader_.position();
     switch (reader_.next(frame_)) {
       case FrameLog::Outcome::nothing_new:
+        forget_overwritten();
         return Taken::all;
       case FrameLog::Outcome::overrun:
         return Taken::lost;
@@ -42,24 +37,29 @@ bool ServedMap::take(const std::string& frame, FrameLog::Position position) {
       tile_frames_.erase(tile.key);
     }
   }
-  if (const auto* change = std::get_if<wire::EpochChange>(&*message)) epochs_.push_back({change->epoch, change->seq});
+  if (const auto* change = std::get_if<wire::EpochChange>(&*message))
+    epochs_.push_back({change->epoch, change->seq, change->T_map_odom_after});
   positions_.push_back(position);
-  if (positions_.size() > kMostPositions) {
-    positions_.pop_front();
-    ++first_seq_;
-  }
   return true;
 }
 
 SharedFrame ServedMap::change(std::uint64_t seq) {
   if (seq < first_seq_ || seq - first_seq_ >= positions_.size()) return nullptr;
+  if (change_ && change_seq_ == seq) return change_;
   FrameLog::Position position = positions_[seq - first_seq_];
-  if (log_.read(position, frame_) == FrameLog::Outcome::frame) return std::make_shared<const std::string>(frame_);
-  while (!positions_.empty() && positions_.front() < position) {
+  if (log_.read(position, frame_) != FrameLog::Outcome::frame) {
+    forget_overwritten();
+    return nullptr;
+  }
+  change_seq_ = seq;
+  return change_ = std::make_shared<const std::string>(frame_);
+}
+
+void ServedMap::forget_overwritten() {
+  while (!positions_.empty() && positions_.front() < log_.oldest()) {
     positions_.pop_front();
     ++first_seq_;
   }
-  return nullptr;
 }
 
 SharedFrame ServedMap::tile_frame(TileKey key) {

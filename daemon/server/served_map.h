@@ -45,7 +45,7 @@ class ServedMap {
   [[nodiscard]] const FrameLog::Reader& reader() const { return reader_; }
 
   [[nodiscard]] const wire::MapReplica& replica() const { return replica_; }
-  [[nodiscard]] MapHead head() const { return {replica_.epoch(), replica_.seq()}; }
+  [[nodiscard]] MapHead head() const { return {replica_.epoch(), replica_.seq(), replica_.T_map_odom()}; }
   [[nodiscard]] std::uint64_t oldest_seq() const { return first_seq_; }  ///< head().seq + 1 when none is held
   /// The frame with this seq, or null when the log no longer has it.
   [[nodiscard]] SharedFrame change(std::uint64_t seq);
@@ -59,6 +59,7 @@ class ServedMap {
 
  private:
   [[nodiscard]] bool take(const std::string& frame, FrameLog::Position position);
+  void forget_overwritten();
 
   FrameLog& log_;
   FrameLog::Reader reader_;
@@ -67,6 +68,8 @@ class ServedMap {
   std::deque<FrameLog::Position> positions_;    ///< of the changes first_seq_, first_seq_ + 1, ...
   std::map<TileKey, std::uint64_t> last_seq_;   ///< newest change of each tile
   std::map<TileKey, SharedFrame> tile_frames_;  ///< of tiles that were asked for and have not changed since
+  std::uint64_t change_seq_ = 0;                ///< of change_
+  SharedFrame change_;                          ///< the one asked for last: most clients are at the same
   std::vector<MapHead> epochs_;                 ///< every epoch since start, with the seq from which on it holds
   std::string frame_;
   FrameEncoder encoder_;

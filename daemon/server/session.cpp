@@ -3,6 +3,7 @@
 #include <sys/socket.h>
 
 #include <cerrno>
+#include <utility>
 
 namespace roadvec {
 namespace {
@@ -29,7 +30,10 @@ bool Session::send(double now_s) {
     const std::string& frame = *output_.front();
     const ssize_t count = ::send(socket_.get(), frame.data() + sent_of_front_, frame.size() - sent_of_front_,
                                  MSG_DONTWAIT | MSG_NOSIGNAL);
-    if (count < 0) return only_later(count);
+    if (count < 0) {
+      was_full_ = true;
+      return only_later(count);
+    }
     progress_s_ = now_s;
     sent_bytes += static_cast<std::size_t>(count);
     sent_of_front_ += static_cast<std::size_t>(count);
@@ -37,9 +41,10 @@ bool Session::send(double now_s) {
     ++sent_frames;
     sent_of_front_ = 0;
     output_.pop_front();
-    // While frames waited we did not read: the time of a half frame starts again.
-    input_progress_s_ = now_s;
   }
+  // While frames waited we did not read: the time of a half frame starts again. Not so when they went at once, or
+  // heartbeats would put it off for ever.
+  if (std::exchange(was_full_, false)) input_progress_s_ = now_s;
   return true;
 }
 
@@ -47,6 +52,7 @@ void Session::leave(SharedFrame bye, double now_s) {
   while (output_.size() > (sent_of_front_ > 0 ? 1U : 0U)) output_.pop_back();
   queue(std::move(bye), now_s);
   following.reset();
+  delivery.reset();
   enter(State::leaving, now_s);
 }
 

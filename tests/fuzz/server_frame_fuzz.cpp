@@ -14,9 +14,9 @@ using namespace roadvec;
 /// A server with a small map, as a client finds it.
 struct World {
   FrameLog log{std::size_t{1} << 16};
-  ServedMap map{log, {7, 0}};
-  MapPublisher publisher{log, {7, 0}};
-  Conversation conversation{map, {"fuzz", Anchor{}}};
+  ServedMap map{log, {7, 0, {}}};
+  MapPublisher publisher{log, {7, 0, {}}};
+  Conversation conversation{map, {"fuzz", Anchor{}, std::nullopt, 512}};
 
   World() {
     VectorMap lines;
@@ -42,7 +42,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   std::array<int, 2> ends{};
   if (size == 0 || ::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, ends.data()) != 0) return 0;
   const FileDescriptor client(ends[1]);
-  Session session{FileDescriptor{ends[0]}, 0};
+  Session session{FileDescriptor{ends[0]}, Peer{}, 0};
   char sink[1 << 16];
   const std::size_t step = 1 + data[0];
   for (std::size_t at = 1; at < size; at += step) {

@@ -13,7 +13,7 @@
 
 namespace roadvec {
 
-inline constexpr MapHead kStart{0xC0FFEE, 0};
+inline constexpr MapHead kStart{0xC0FFEE, 0, {}};
 inline constexpr MapClient::Seconds kPatience{20};
 
 /// A MapServer that runs in a thread of its own on a socket in a temporary folder, and a MapStory published by the
@@ -23,13 +23,16 @@ class MapSocket : public ::testing::Test {
   MapSocket() {
     config_.socket_path = (folder_ / "map.sock").string();
     config_.start = kStart;
-    config_.facts = {"0.0-test", Anchor{49.0, 8.4, 112.0, -70.98}};
+    config_.facts.server_version = "0.0-test";
+    config_.facts.anchor = Anchor{49.0, 8.4, 112.0, -70.98};
+    config_.most_clients_per_user = 64;
   }
   ~MapSocket() override { stop(); }
 
   void start(std::size_t log_bytes = std::size_t{4} << 20) {
+    server_.reset();  // it reads the log
     log_ = std::make_unique<FrameLog>(log_bytes);
-    publisher_ = std::make_unique<MapPublisher>(*log_, kStart);
+    publisher_ = std::make_unique<MapPublisher>(*log_, kStart, full_frame_bytes_);
     server_ = std::make_unique<MapServer>(config_, *log_, poses_, [] {
       wire::Status status;
       status.state = "mapping";
@@ -80,6 +83,7 @@ class MapSocket : public ::testing::Test {
   MapServerConfig config_;
   Latest<PoseReport> poses_;
   MapStory story_{1};
+  std::size_t full_frame_bytes_ = std::size_t{256} << 10;
   std::unique_ptr<FrameLog> log_;
   std::unique_ptr<MapPublisher> publisher_;
   std::unique_ptr<MapServer> server_;

@@ -14,7 +14,7 @@ namespace roadvec {
 /// tiles, wire and server. The same seed tells the same story.
 class MapStory {
  public:
-  explicit MapStory(unsigned seed) : random_(seed) {}
+  explicit MapStory(unsigned seed, std::int64_t merge_every = 17) : random_(seed), merge_every_(merge_every) {}
 
   [[nodiscard]] const VectorMap& map() const { return map_; }
 
@@ -26,7 +26,7 @@ class MapStory {
     change.time.ns = 1'300'000'000'000'000'000 + step_ * 100'000'000;
     change.T_map_odom = T_map_odom_;
     for (const int side : {-1, 1}) grow(side, change);
-    if (step_ % 17 == 0) merge(change);
+    if (step_ % merge_every_ == 0) merge(change);
     if (step_ % 61 == 0) close_loop(change);
     return change;
   }
@@ -92,6 +92,7 @@ class MapStory {
   }
 
   std::mt19937 random_;
+  std::int64_t merge_every_;
   std::int64_t step_ = 0;
   VectorMap map_;
   LineId next_id_ = 1, left_ = 0, right_ = 0;

@@ -71,6 +71,31 @@ TEST(MapReplica, a_snapshot_forgets_what_was_there_unless_it_is_incremental) {
   EXPECT_TRUE(replica.tiles().empty());
 }
 
+TEST(MapReplica, a_snapshot_that_broke_off_is_no_map_to_resume_from) {
+  MapReplica replica;
+  EXPECT_FALSE(replica.resume());
+  (void)replica.apply(SnapshotBegin{5, 9, {}, 2, false});
+  (void)replica.apply(Tile{{1, 2}, 3, {}});
+  EXPECT_FALSE(replica.resume());
+  EXPECT_EQ(replica.apply(Resumed{10}), Outcome::out_of_order);
+  ASSERT_EQ(replica.known().size(), 1U);
+  EXPECT_EQ(replica.known()[0].revision, 3U);
+  (void)replica.apply(SnapshotEnd{5, 9, {}});
+  ASSERT_TRUE(replica.resume());
+  EXPECT_EQ(replica.resume()->seq, 9U);
+  EXPECT_EQ(replica.apply(Resumed{10}), Outcome::applied);
+  (void)replica.apply(Overrun{5, 10, 12, 1, std::nullopt});
+  EXPECT_FALSE(replica.resume());
+}
+
+TEST(MapReplica, an_overrun_past_a_closed_loop_moves_the_correction_before_the_tiles) {
+  MapReplica replica = MapReplica::empty_at(5, 3);
+  EXPECT_EQ(replica.apply(Overrun{6, 4, 9, 1, Pose2{1, 2, 0.5}}), Outcome::applied);
+  EXPECT_EQ(replica.T_map_odom(), (Pose2{1, 2, 0.5}));
+  EXPECT_EQ(replica.epoch(), 6U);
+  EXPECT_FALSE(replica.consistent());
+}
+
 TEST(MapReplica, a_change_in_several_frames_is_consistent_only_after_the_last) {
   MapReplica replica = MapReplica::empty_at(5, 0);
   Delta delta;

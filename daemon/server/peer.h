@@ -1,0 +1,28 @@
+#pragma once
+
+#include <sys/types.h>
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/base/error.h"
+
+namespace roadvec {
+
+/// Who is at the other end of a UNIX socket, as it was when it connected [unix(7), SO_PEERCRED, SO_PEERGROUPS].
+struct Peer {
+  uid_t uid = static_cast<uid_t>(-1);  ///< that of nobody: of a peer that the kernel does not know
+  gid_t gid = static_cast<gid_t>(-1);
+  std::vector<gid_t> groups;  ///< supplementary ones
+
+  [[nodiscard]] bool in_group(gid_t group) const;
+  /// The user that the daemon runs as, or root.
+  [[nodiscard]] bool is_owner(uid_t daemon_uid) const { return uid == daemon_uid || uid == 0; }
+};
+[[nodiscard]] Peer peer_of(int connected_socket);
+
+/// The number of a group; the error says what to do.
+[[nodiscard]] Expected<gid_t> group_of(const std::string& name);
+
+}  // namespace roadvec
