@@ -58,8 +58,15 @@ Daemon::Daemon(const Settings& settings, InputKind kind, Service& service, const
   MapServerConfig server;
   server.socket_path = settings_.server.socket;
   server.adopted_fd = sockets.map_fd;
+  server.group = settings_.server.group;
+  server.control_path = settings_.server.control_socket;
+  server.control_fd = sockets.control_fd;
+  server.most_clients = static_cast<std::size_t>(settings_.server.most_clients);
+  server.most_clients_per_user = static_cast<std::size_t>(settings_.server.most_clients_per_user);
   server.start = head;
-  server.facts = {.server_version = ROADVEC_VERSION, .anchor = anchor_of(settings_)};
+  server.facts.server_version = ROADVEC_VERSION;
+  server.facts.anchor = anchor_of(settings_);
+  server.facts.commands.begin_new_map = [this] { optimiser_->begin_new_map(); };
   server_.emplace(server, frames_, poses_, [this] { return status(); });
   store_.emplace(MapStoreConfig{.directory = settings_.storage.directory,
                                 .batch_interval = std::chrono::duration<double>(settings_.storage.batch_s),

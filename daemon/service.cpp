@@ -30,11 +30,12 @@ struct NamesDeleter {
 
 Expected<void> sort_in(int fd, const std::string& name, PassedSockets& sockets) {
   if (::sd_is_socket(fd, AF_UNIX, SOCK_STREAM, 1) > 0) {
-    if (name != "map" || sockets.map_fd >= 0) {
+    int* const place = name == "map" ? &sockets.map_fd : name == "control" ? &sockets.control_fd : nullptr;
+    if (place == nullptr || *place >= 0) {
       return fail("systemd hands over a UNIX socket named '" + name +
-                  "'; one is wanted, with FileDescriptorName=map in its socket unit");
+                  "'; one is wanted with FileDescriptorName=map in its socket unit, and one with control");
     }
-    sockets.map_fd = fd;
+    *place = fd;
     return {};
   }
   sockaddr_in address{};

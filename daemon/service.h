@@ -36,6 +36,7 @@ class Service {
 /// itself. Who uses one owns it.
 struct PassedSockets {
   int map_fd = -1;             ///< the UNIX socket with FileDescriptorName=map; -1: none
+  int control_fd = -1;         ///< the one with FileDescriptorName=control; -1: none
   std::map<int, int> udp_fds;  ///< by port: the configuration names ports, so the units need no further names
   [[nodiscard]] int udp_fd(int port) const;  ///< -1: none
 };

@@ -33,6 +33,7 @@ struct MapChange {
   std::vector<LineId> removed;
   std::vector<Lineage> lineage;
   bool closed_loop = false;  ///< T_map_odom jumped: announce it before the lines move
+  bool begins_anew = false;  ///< the map so far is forgotten; ids may come again
   Pose2 T_map_odom;
   SensorTime time;  ///< of the keyframe
   [[nodiscard]] bool empty() const { return upserted.empty() && removed.empty(); }

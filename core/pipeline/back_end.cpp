@@ -31,9 +31,11 @@ Eigen::Matrix3d information_of(const PoseCovariance& covariance) {
 
 }  // namespace
 
-BackEnd::BackEnd(const PipelineConfig& config, const Pose2& T_map_odom_start, StepProbe& probe)
+BackEnd::BackEnd(const PipelineConfig& config, const Pose2& T_map_odom_start, StepProbe& probe,
+                 std::uint64_t first_keyframe)
     : config_(config),
       probe_(probe),
+      first_keyframe_(first_keyframe),
       loop_closer_(config.close_loop, config.match),
       optimiser_(config.optimise),
       concatenator_(config.concatenate),
@@ -73,7 +75,7 @@ const MapChange& BackEnd::finish() {
 }
 
 void BackEnd::take(const Keyframe& keyframe) {
-  ENSURE(keyframe.index == keyframes_.size());
+  ENSURE(keyframe.index == first_keyframe_ + keyframes_.size());
   const Pose2 T_map_vehicle = T_map_odom_ * keyframe.T_odom_vehicle;
   if (!keyframes_.empty()) {
     const Pose2 step = keyframes_.back().T_odom_vehicle.inverse() * keyframe.T_odom_vehicle;

@@ -41,7 +41,9 @@ struct BackEndReport {
 class BackEnd {
  public:
   /// `T_map_odom_start`: where the odometry's origin lies in the map, e.g. the anchor's heading; `probe` outlives this.
-  BackEnd(const PipelineConfig& config, const Pose2& T_map_odom_start, StepProbe& probe);
+  /// `first_keyframe`: the index of the first that comes.
+  BackEnd(const PipelineConfig& config, const Pose2& T_map_odom_start, StepProbe& probe,
+          std::uint64_t first_keyframe = 0);
 
   /// Keyframes come in order. Valid until the next call.
   const MapChange& add(const Keyframe& keyframe);
@@ -69,6 +71,7 @@ class BackEnd {
 
   PipelineConfig config_;
   StepProbe& probe_;
+  std::uint64_t first_keyframe_;
   LoopCloser loop_closer_;
   Optimiser optimiser_;
   Concatenator concatenator_;

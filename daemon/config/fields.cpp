@@ -147,7 +147,14 @@ void visit_fields(AnchorSettings& s, FieldList& field) {
 
 void visit_fields(ServerSettings& s, StorageSettings& storage, LogSettings& log, FieldList& field) {
   field("server.socket", s.socket, "UNIX socket that serves the map").naming(Names::output_file);
-  field("server.control_socket", s.control_socket, "UNIX socket for commands of the owner").naming(Names::output_file);
+  field("server.control_socket", s.control_socket,
+        "UNIX socket for commands of the daemon's own user and root; empty: none")
+      .naming(Names::output_file);
+  field("server.group", s.group,
+        "group whose members may read the map, beside the daemon's own user and root; empty: whoever the file mode of "
+        "the socket lets in");
+  field("server.most_clients", s.most_clients, 1, 1000, "clients at the same time");
+  field("server.most_clients_per_user", s.most_clients_per_user, 1, 1000, "of them, those of one user");
   field("storage.directory", storage.directory, "folder of map.gpkg").naming(Names::output_file);
   field("storage.batch_s", storage.batch_s, 0.05, 60, "time between two writes: what a power cut may cost");
   field("log.level", log.level, kLogLevels, "least important message that is written");

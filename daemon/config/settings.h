@@ -98,6 +98,8 @@ struct AnchorSettings {
 struct ServerSettings {
   std::filesystem::path socket = "/run/roadvec/map.sock";
   std::filesystem::path control_socket = "/run/roadvec/control.sock";
+  std::string group;
+  int most_clients = 64, most_clients_per_user = 16;  ///< choice: no user can keep the others out
 };
 
 struct StorageSettings {

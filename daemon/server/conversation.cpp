@@ -222,29 +222,33 @@ Conversation::Ending Conversation::take(Session& session, const wire::Ping& ping
 
 Conversation::Ending Conversation::take(Session& session, const wire::Command& command, double now_s) {
   using enum wire::Error::Code;
+  using Awaited = Session::Awaited;
   const int count = (command.save ? 1 : 0) + (command.new_map ? 1 : 0) + (command.import_map ? 1 : 0);
   if (!session.is_owner) {
     refuse(session, not_authorised, "commands are taken on the control socket only", now_s);
   } else if (count != 1) {
     refuse(session, count == 0 ? unsupported : invalid, "one command at a time, of those that this server knows",
            now_s);
-  } else if (command_runs_) {
-    refuse(session, unavailable, "another command is being carried out", now_s);
-  } else if (!facts_.commands) {
-    refuse(session, unsupported, "this server takes no commands", now_s);
-  } else if (const Expected<void> begun = facts_.commands->begin(command); !begun) {
-    refuse(session, unavailable, begun.error().message, now_s);
+  } else if (command.save && facts_.commands.durable_seq) {
+    session.awaited = Awaited{Awaited::What::saved, map_.head().seq};
+  } else if (command.new_map && facts_.commands.begin_new_map) {
+    facts_.commands.begin_new_map();
+    session.awaited = Awaited{Awaited::What::new_map, map_.head().seq};
   } else {
-    command_runs_ = session.awaits_result = true;
+    refuse(session, unsupported, "this daemon cannot carry out this command", now_s);
   }
   return std::nullopt;
 }
 
-SharedFrame Conversation::command_result() {
-  const std::optional<wire::CommandResult> result = facts_.commands->result();
-  if (!result) return nullptr;
-  command_runs_ = false;
-  return map_.encoder().encode(*result);
+void Conversation::finish_command(Session& session, double now_s) {
+  if (!session.awaited) return;
+  const auto [what, seq] = *session.awaited;
+  const bool saves = what == Session::Awaited::What::saved;
+  const std::uint64_t durable_seq = facts_.commands.durable_seq ? facts_.commands.durable_seq() : 0;
+  if (saves ? durable_seq < seq : map_.replaced_seq() <= seq) return;
+  session.awaited.reset();
+  session.frame_taken(now_s);  // meanwhile we did not read
+  reply(session, wire::CommandResult{true, saves ? "on disk" : "a new map has begun", durable_seq}, now_s);
 }
 
 Conversation::Ending Conversation::take(Session& session, const auto&, double now_s) {

@@ -11,10 +11,10 @@
 
 namespace roadvec {
 
-/// What the owner may ask of the daemon on the control socket. Called by the server's thread, and never waits.
+/// What the daemon can do for its owner. Called by the server's thread; neither waits.
 struct OwnerCommands {
-  std::function<Expected<void>(const wire::Command&)> begin;   ///< the error says why it cannot be done
-  std::function<std::optional<wire::CommandResult>()> result;  ///< of what was begun, once it is done
+  std::function<std::uint64_t()> durable_seq;  ///< newest change that is safe on disk; none: nothing is kept there
+  std::function<void()> begin_new_map;         ///< an EpochChange with reason map_replaced says that it is done
 };
 
 /// What the server answers, whatever the transport: requests in, frames queued on the session. Server thread only.
@@ -22,8 +22,8 @@ class Conversation {
  public:
   struct Facts {
     std::string server_version;
-    std::optional<Anchor> anchor;           ///< none: the place on Earth is not known
-    std::optional<OwnerCommands> commands;  ///< none: no command can be carried out
+    std::optional<Anchor> anchor;  ///< none: the place on Earth is not known
+    OwnerCommands commands;
     /// A batch of changes or tiles is closed when it holds this much: it keeps a socket's buffer full, and is all that
     /// a client that does not read costs beside its cursor.
     std::size_t batch_bytes = std::size_t{64} << 10;
@@ -41,10 +41,8 @@ class Conversation {
   void set_pose(const PoseReport& pose) { pose_ = pose; }
   void set_status(wire::Status status);
   [[nodiscard]] const SharedFrame& status_frame() const { return status_frame_; }
-  /// A command was begun and is not done.
-  [[nodiscard]] bool command_runs() const { return command_runs_; }
-  /// The result of that command, when it is there: for the session that awaits it.
-  [[nodiscard]] SharedFrame command_result();
+  /// Tells a session that awaits the result of its command, once that is there.
+  void finish_command(Session& session, double now_s);
 
   struct Counts {
     std::uint64_t requests = 0;
@@ -86,7 +84,6 @@ class Conversation {
   std::optional<PoseReport> pose_;
   wire::Status status_;
   SharedFrame status_frame_;
-  bool command_runs_ = false;
   Counts counts_;
 };
 

@@ -32,10 +32,11 @@ wire::Delta MapPublisher::next_delta(const MapChange& change) {
 
 std::vector<wire::Message> MapPublisher::messages_for(const MapChange& change, const VectorMap& map) {
   std::vector<wire::Message> messages;
-  if (change.closed_loop) {
+  if (change.closed_loop || change.begins_anew) {
+    using enum wire::EpochChange::Reason;
     const std::uint64_t before = head_.epoch++;
-    messages.push_back(wire::EpochChange{wire::EpochChange::Reason::loop_closure, before, head_.epoch, ++head_.seq,
-                                         change.time, head_.T_map_odom, change.T_map_odom});
+    messages.push_back(wire::EpochChange{change.begins_anew ? map_replaced : loop_closure, before, head_.epoch,
+                                         ++head_.seq, change.time, head_.T_map_odom, change.T_map_odom});
   }
   head_.T_map_odom = change.T_map_odom;
   std::vector<TileDelta> tiles = tiles_.apply(change, map);

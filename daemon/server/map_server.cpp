@@ -64,7 +64,6 @@ bool MapServer::run(std::stop_token stop) {
     std::size_t i = 0;
     work_is_left_ = false;
     for (Session& session : sessions_) serve(session, events_[i++], now_s);
-    finish_command(now_s);
     if (poses_.fresh()) send_pose(now_s);
     close_finished();
     if (stopping && !leaving_) begin_farewell(now_s);
@@ -97,8 +96,9 @@ void MapServer::wait(double now_s) {
 /// How long nothing happens unless a descriptor says so.
 double MapServer::tick_s(double now_s) const {
   if (work_is_left_) return 0;
-  double tick_s = wants_poses() || leaving_ || conversation_.command_runs() ? kPoseTick_s : kOrdinaryTick_s;
+  double tick_s = wants_poses() || leaving_ ? kPoseTick_s : kOrdinaryTick_s;
   for (const Session& session : sessions_) {
+    if (session.awaited) tick_s = std::min(tick_s, kPoseTick_s);
     if (session.following && !session.has_output() && !conversation_.caught_up(session))
       tick_s = std::min(tick_s, std::max(0.0, session.following->next_changes_s - now_s));
   }
@@ -133,17 +133,16 @@ void MapServer::accept_clients(const Listener& listener, bool as_owner, double n
 
 /// Why the newest session may not stay.
 std::optional<wire::Bye> MapServer::refusal(const Session& newcomer) const {
-  const Peer& peer = newcomer.peer();
-  if (!peer.is_owner(::geteuid())) {
-    if (newcomer.is_owner) return wire::Bye{Reason::not_authorised, "commands are for the daemon's own user and root"};
-    if (group_ && !peer.in_group(*group_))
-      return wire::Bye{Reason::not_authorised, "the map is for members of the group " + config_.group};
+  if (!Gate{::geteuid(), group_, newcomer.is_owner}.admits(newcomer.peer())) {
+    return wire::Bye{Reason::not_authorised, newcomer.is_owner
+                                                 ? "commands are for the daemon's own user and root"
+                                                 : "the map is for members of the group " + config_.group};
   }
   std::size_t all = 0, of_user = 0;
   for (const Session& session : sessions_) {
     if (session.state == Session::State::leaving || session.is_owner != newcomer.is_owner) continue;
     ++all;
-    of_user += session.peer().uid == peer.uid ? 1 : 0;
+    of_user += session.peer().uid == newcomer.peer().uid ? 1 : 0;
   }
   const std::size_t most = newcomer.is_owner ? config_.most_owner_clients : config_.most_clients;
   if (all > most) return wire::Bye{Reason::too_many_clients, "at most " + std::to_string(most) + " clients"};
@@ -154,18 +153,6 @@ std::optional<wire::Bye> MapServer::refusal(const Session& newcomer) const {
   return std::nullopt;
 }
 
-/// Tells whoever gave the command that is done now.
-void MapServer::finish_command(double now_s) {
-  const SharedFrame result = conversation_.command_runs() ? conversation_.command_result() : nullptr;
-  if (!result) return;
-  for (Session& session : sessions_) {
-    if (!std::exchange(session.awaits_result, false)) continue;
-    session.queue(result, now_s);
-    session.frame_taken(now_s);  // meanwhile we did not read
-    advance(session, now_s);
-  }
-}
-
 void MapServer::every_second(double now_s) {
   next_second_s_ = now_s + 1;
   wire::Status status = status_provider_();
@@ -174,8 +161,12 @@ void MapServer::every_second(double now_s) {
   status.head_seq = map_.head().seq;
   status.tile_count = map_.replica().tiles().size();
   std::map<uid_t, std::size_t> clients_of_user;
-  for (const Session& session : sessions_) ++clients_of_user[session.peer().uid];
-  status.stages.push_back(stage_of(counters_, clients_of_user));
+  std::size_t waiting_bytes = 0;
+  for (const Session& session : sessions_) {
+    ++clients_of_user[session.peer().uid];
+    waiting_bytes += session.waiting_bytes();
+  }
+  status.stages.push_back(stage_of(counters_, clients_of_user, waiting_bytes));
   conversation_.set_status(std::move(status));
   const SharedFrame heartbeat = map_.encoder().encode(wire::Heartbeat{map_.head().epoch, map_.head().seq});
   for (Session& session : sessions_) {
@@ -233,8 +224,9 @@ void MapServer::advance(Session& session, double now_s) {
       dismiss(session, {Reason::shutdown, "roadvecd stops"}, now_s);
       continue;
     }
+    conversation_.finish_command(session, now_s);
     // In the middle of a change in several frames nothing is answered: a snapshot would show half of it.
-    const bool busy = leaving_ || session.delivery || session.awaits_result || !map_.replica().consistent();
+    const bool busy = leaving_ || session.delivery || session.awaited || !map_.replica().consistent();
     const auto envelope = busy ? std::nullopt : session.input().next();
     if (envelope) {
       session.frame_taken(now_s);

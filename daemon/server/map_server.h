@@ -51,7 +51,6 @@ class MapServer {
   [[nodiscard]] double tick_s(double now_s) const;
   void accept_clients(const Listener& listener, bool as_owner, double now_s);
   [[nodiscard]] std::optional<wire::Bye> refusal(const Session& newcomer) const;
-  void finish_command(double now_s);
   void every_second(double now_s);
   void send_pose(double now_s);
   void serve(Session& session, short events, double now_s);

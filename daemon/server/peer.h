@@ -22,6 +22,16 @@ struct Peer {
 };
 [[nodiscard]] Peer peer_of(int connected_socket);
 
+/// Who may use a socket, once its file mode has let him through.
+struct Gate {
+  uid_t daemon_uid;
+  std::optional<gid_t> group;  ///< whose members may, beside the owner; none: everybody
+  bool owner_only = false;
+  [[nodiscard]] bool admits(const Peer& peer) const {
+    return peer.is_owner(daemon_uid) || (!owner_only && (!group || peer.in_group(*group)));
+  }
+};
+
 /// The number of a group; the error says what to do.
 [[nodiscard]] Expected<gid_t> group_of(const std::string& name);
 

@@ -37,8 +37,10 @@ bool ServedMap::take(const std::string& frame, FrameLog::Position position) {
       tile_frames_.erase(tile.key);
     }
   }
-  if (const auto* change = std::get_if<wire::EpochChange>(&*message))
+  if (const auto* change = std::get_if<wire::EpochChange>(&*message)) {
     epochs_.push_back({change->epoch, change->seq, change->T_map_odom_after});
+    if (change->reason == wire::EpochChange::Reason::map_replaced) replaced_seq_ = change->seq;
+  }
   positions_.push_back(position);
   return true;
 }

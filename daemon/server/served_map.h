@@ -50,6 +50,8 @@ class ServedMap {
   /// The frame with this seq, or null when the log no longer has it.
   [[nodiscard]] SharedFrame change(std::uint64_t seq);
   [[nodiscard]] SharedFrame tile_frame(TileKey key);
+  /// When another map was begun the last time; 0: never.
+  [[nodiscard]] std::uint64_t replaced_seq() const { return replaced_seq_; }
   [[nodiscard]] std::uint64_t last_seq(TileKey key) const { return last_seq_.at(key); }
   /// The epoch is the present one or one of those it came from.
   [[nodiscard]] bool knows(std::uint64_t epoch) const;
@@ -71,6 +73,7 @@ class ServedMap {
   std::uint64_t change_seq_ = 0;                ///< of change_
   SharedFrame change_;                          ///< the one asked for last: most clients are at the same
   std::vector<MapHead> epochs_;                 ///< every epoch since start, with the seq from which on it holds
+  std::uint64_t replaced_seq_ = 0;
   std::string frame_;
   FrameEncoder encoder_;
 };

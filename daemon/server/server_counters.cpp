@@ -2,7 +2,8 @@
 
 namespace roadvec {
 
-wire::Stage stage_of(const ServerCounters& counters, const std::map<uid_t, std::size_t>& clients_of_user) {
+wire::Stage stage_of(const ServerCounters& counters, const std::map<uid_t, std::size_t>& clients_of_user,
+                     std::size_t waiting_bytes) {
   static constexpr std::array<const char*, std::tuple_size_v<decltype(ServerCounters::closed_count)>> kClosed = {
       "closed_by_client", "closed_shutdown",     "closed_protocol_version", "closed_hello_timeout",
       "closed_malformed", "closed_frame_length", "closed_frame_timeout",    "closed_stalled",
@@ -25,6 +26,7 @@ wire::Stage stage_of(const ServerCounters& counters, const std::map<uid_t, std::
   std::size_t client_count = 0;
   for (const auto& [uid, clients] : clients_of_user) client_count += clients;
   stage.gauges.push_back({"clients", static_cast<double>(client_count)});
+  stage.gauges.push_back({"waiting_bytes", static_cast<double>(waiting_bytes)});
   for (const auto& [uid, clients] : clients_of_user)
     stage.gauges.push_back({"clients_of_uid_" + std::to_string(uid), static_cast<double>(clients)});
   return stage;

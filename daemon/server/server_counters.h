@@ -19,7 +19,9 @@ struct ServerCounters {
   std::array<std::atomic<std::uint64_t>, static_cast<std::size_t>(wire::Bye::Reason::not_authorised) + 1>
       closed_count{};
 };
-/// `clients_of_user`: how many each user has connected, by its number.
-[[nodiscard]] wire::Stage stage_of(const ServerCounters& counters, const std::map<uid_t, std::size_t>& clients_of_user);
+/// `clients_of_user`: how many each user has connected, by its number; `waiting_bytes`: what they have all still to
+/// take.
+[[nodiscard]] wire::Stage stage_of(const ServerCounters& counters, const std::map<uid_t, std::size_t>& clients_of_user,
+                                   std::size_t waiting_bytes);
 
 }  // namespace roadvec

@@ -20,6 +20,12 @@ bool Session::receive(double now_s) {
   return count > 0 || only_later(count);
 }
 
+std::size_t Session::waiting_bytes() const {
+  std::size_t bytes = 0;
+  for (const SharedFrame& frame : output_) bytes += frame->size();
+  return bytes - sent_of_front_;
+}
+
 void Session::queue(SharedFrame frame, double now_s) {
   if (output_.empty()) progress_s_ = now_s;
   output_.push_back(std::move(frame));

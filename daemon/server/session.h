@@ -38,6 +38,12 @@ class Session {
     }
   };
 
+  /// The end of its command.
+  struct Awaited {
+    enum class What : std::uint8_t { saved, new_map } what;
+    std::uint64_t seq = 0;  ///< the map's head when it came
+  };
+
   Session(FileDescriptor socket, Peer peer, double now_s)
       : socket_(std::move(socket)), peer_(std::move(peer)), since_s_(now_s), input_(wire::kMostClientBytes) {}
 
@@ -46,7 +52,7 @@ class Session {
   /// Nothing waits in either direction: requests are answered one by one, so that a client that asks and does not read
   /// stops itself.
   [[nodiscard]] bool wants_input() const {
-    return output_.empty() && !delivery && !awaits_result && state != State::leaving && !input_.has_envelope();
+    return output_.empty() && !delivery && !awaited && state != State::leaving && !input_.has_envelope();
   }
   /// Reads once what has come. false: the other side is gone.
   [[nodiscard]] bool receive(double now_s);
@@ -55,6 +61,7 @@ class Session {
   /// Sends as much as the socket takes. false: the other side is gone.
   [[nodiscard]] bool send(double now_s);
   [[nodiscard]] bool has_output() const { return !output_.empty(); }
+  [[nodiscard]] std::size_t waiting_bytes() const;
 
   /// Queues a last frame after the one that is being sent; whatever else waits is dropped.
   void leave(SharedFrame bye, double now_s);
@@ -63,7 +70,7 @@ class Session {
     return has_output() && now_s - progress_s_ > limit_s;
   }
   [[nodiscard]] bool half_frame(double now_s, double limit_s) const {
-    return !has_output() && !awaits_result && input_.has_bytes() && now_s - input_progress_s_ > limit_s;
+    return !has_output() && !awaited && input_.has_bytes() && now_s - input_progress_s_ > limit_s;
   }
   [[nodiscard]] double since_s() const { return since_s_; }  ///< when the state was entered
   void enter(State next, double now_s) {
@@ -77,7 +84,7 @@ class Session {
   std::optional<Following> following;
   std::optional<Delivery> delivery;
   bool is_owner = false;                          ///< it came by the control socket, so it may command
-  bool awaits_result = false;                     ///< of its Command
+  std::optional<Awaited> awaited;                 ///< of its Command
   std::uint64_t sent_bytes = 0, sent_frames = 0;  ///< taken by the owner into its counters
 
  private:

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <atomic>
+#include <optional>
+
 #include "core/pipeline/back_end.h"
 #include "core/ring/latest.h"
 #include "daemon/server/map_publisher.h"
@@ -26,24 +29,31 @@ class OptimiserStage {
   /// Until the keyframe channel is finished; then publishes the last of the map. Stop gives up waiting for slow
   /// readers.
   void run(const std::stop_token& stop);
+  /// Any thread: forget the map and begin another with the next keyframe, where the vehicle now is in the map.
+  void begin_new_map() noexcept { new_map_wanted_.store(true, std::memory_order_relaxed); }
 
   [[nodiscard]] const StepTimer& timer() const { return timer_; }
   [[nodiscard]] Latest<OptimiserReport>& reports() { return reports_; }  ///< reader: main thread
   [[nodiscard]] const Counter& turns() const { return turns_; }
   [[nodiscard]] const Counter& keyframe_count() const { return taken_; }
-  [[nodiscard]] const BackEnd& back_end() const { return back_end_; }  ///< after run()
+  [[nodiscard]] const BackEnd& back_end() const { return *back_end_; }  ///< after run()
 
  private:
+  void forget_map(const std::stop_token& stop);
   void publish(const MapChange& change, const std::stop_token& stop);
 
   KeyframeChannel& keyframes_;
   Doorbell& bell_;
   FrameLog& log_;
+  PipelineConfig config_;
   StepTimer timer_;
-  BackEnd back_end_;
+  std::optional<BackEnd> back_end_;
+  std::uint64_t next_keyframe_ = 0;
+  SensorTime newest_;
   MapPublisher publisher_;
   Latest<OptimiserReport> reports_;
   Counter turns_, taken_;
+  std::atomic<bool> new_map_wanted_{false};
 };
 
 }  // namespace roadvec

@@ -16,7 +16,7 @@ struct World {
   FrameLog log{std::size_t{1} << 16};
   ServedMap map{log, {7, 0, {}}};
   MapPublisher publisher{log, {7, 0, {}}};
-  Conversation conversation{map, {"fuzz", Anchor{}, std::nullopt, 512}};
+  Conversation conversation{map, {"fuzz", Anchor{}, {}, 512}};
 
   World() {
     VectorMap lines;

@@ -46,7 +46,8 @@ class ManTest(ProgramTest):
                 self.assertIn(usage, page)
                 for option in OPTION.findall(text):
                     self.assertRegex(page, rf"(?<![\w-]){re.escape(option)}(?![\w-])", f"{usage}")
-        self.assertEqual(len(list(helps_of("roadvec"))), 9, "status, tiles, watch, export and its three formats, render")
+        self.assertEqual(len(list(helps_of("roadvec"))), 13,
+                         "status, metrics, tiles, watch, export and its three formats, control and its two, render, itself")
 
     def test_every_key_of_the_configuration_is_in_the_page_with_its_meaning(self):
         page = self.page("roadvecd.toml.5")

@@ -99,7 +99,7 @@ class ServiceTest(ProgramTest):
             with self.daemon([self.udp_socket(self.port, socket.AF_INET6)], "lidar") as daemon:
                 self.assertIn("ListenDatagram=0.0.0.0:2368", daemon.communicate(timeout=20)[1])
                 self.assertEqual(daemon.returncode, 1)
-        with self.daemon([self.map_socket()], "control") as daemon:
+        with self.daemon([self.map_socket()], "other") as daemon:
             self.assertIn("FileDescriptorName=map", daemon.communicate(timeout=20)[1])
             self.assertEqual(daemon.returncode, 1)
 

@@ -36,6 +36,9 @@ struct ExportChoice {
 
 // Each command prints its result, or one line on standard error, and gives the exit code.
 [[nodiscard]] int show_status(const Connection& connection);
+[[nodiscard]] int show_metrics(const Connection& connection);
+/// On the control socket.
+[[nodiscard]] int control(const Connection& connection, const wire::Command& command);
 [[nodiscard]] int list_tiles(const Connection& connection, const TileChoice& choice);
 [[nodiscard]] int watch(const Connection& connection, const WatchChoice& choice);
 [[nodiscard]] int export_map(const Connection& connection, const ExportChoice& choice);

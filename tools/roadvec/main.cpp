@@ -9,16 +9,19 @@ constexpr const char* kDescription =
     "roadvec - look at the map of a running roadvecd\n\n"
     "Connects to the daemon's map socket, reads the map of the road's boundaries or the daemon's state, and prints it "
     "or writes it\n"
-    "to a file. It only reads: nothing it does changes the map or makes the daemon wait.";
+    "to a file. Nothing it does makes the daemon wait, and nothing but 'roadvec control' changes the map.";
 
 constexpr const char* kFooter = R"(
 COMMANDS IN SHORT
   roadvec status                     one screen: state, map, drive, counters and times of every stage
+  roadvec metrics                    counters, gauges and times as OpenMetrics text
   roadvec tiles --around 100         the 64 m tiles within 100 m of the vehicle
   roadvec watch --poses --json       every change and pose as it comes, one JSON object per line
   roadvec export geojson -o map.geojson
   roadvec export lanelet2 -o map.osm --map /var/lib/roadvec/map.gpkg
   roadvec render -o map.svg
+  sudo roadvec control save          wait until all changes so far are on disk
+  sudo roadvec control new-map       forget the map and begin an empty one
 
 EXIT STATUS
   0  done
@@ -27,10 +30,12 @@ EXIT STATUS
   3  no daemon answers on the socket
 
 ENVIRONMENT
-  ROADVEC_SOCKET   the socket, when --socket is not given
+  ROADVEC_SOCKET           the map socket, when --socket is not given
+  ROADVEC_CONTROL_SOCKET   the control socket, when --control-socket is not given
 
 FILES
   /run/roadvec/map.sock               the map socket; reading it takes membership in its group
+  /run/roadvec/control.sock           the control socket: for the daemon's own user and root
   /usr/share/roadvec/roadvec.proto    the protocol, for programs of your own
 
 UNITS
@@ -68,6 +73,9 @@ int main(int argc, char** argv) try {
 
   CLI::App* status = app.add_subcommand("status", "state of the daemon and of every stage");
   status->callback([&] { exit_code = roadvec::show_status(connection); });
+
+  CLI::App* metrics = app.add_subcommand("metrics", "counters, gauges and times of every stage as OpenMetrics text");
+  metrics->callback([&] { exit_code = roadvec::show_metrics(connection); });
 
   CLI::App* list = app.add_subcommand("tiles", "tiles of the map, with --json their whole content");
   auto* area = list->add_option_function<std::string>(
@@ -116,6 +124,21 @@ int main(int argc, char** argv) try {
       exit_code = roadvec::export_map(connection, choice);
     });
   }
+
+  CLI::App* control = app.add_subcommand("control", "commands of the daemon's owner");
+  control->require_subcommand(1);
+  std::string control_path = "/run/roadvec/control.sock";
+  control->add_option("--control-socket", control_path, "the daemon's control socket")
+      ->envname("ROADVEC_CONTROL_SOCKET")
+      ->capture_default_str();
+  const auto command = [&](const roadvec::wire::Command& given) {
+    connection.socket_path = control_path;
+    exit_code = roadvec::control(connection, given);
+  };
+  CLI::App* save = control->add_subcommand("save", "wait until all changes so far are on disk");
+  save->callback([command] { command({roadvec::wire::Save{}, std::nullopt, std::nullopt}); });
+  CLI::App* new_map = control->add_subcommand("new-map", "forget the map and begin an empty one where the vehicle is");
+  new_map->callback([command] { command({std::nullopt, roadvec::wire::NewMap{}, std::nullopt}); });
 
   CLI::App* render = app.add_subcommand("render", "a picture (SVG) of the whole map");
   render->add_option("-o,--output,output", svg_path, "file to write; - is standard output")->capture_default_str();

@@ -1,5 +1,6 @@
 #include <cinttypes>
 #include <cstdio>
+#include <map>
 #include <set>
 
 #include "tools/roadvec/commands.h"
@@ -28,20 +29,24 @@ int list_tiles(const Connection& connection, const TileChoice& choice) {
   request.area = choice.area;
   request.around_vehicle_m = choice.around_vehicle_m;
   if (auto sent = client->send(request); !sent) return complain(sent.error(), kExitFailure);
+  // What changes while the answer is under way comes again.
+  std::map<TileKey, Tile> tiles;
+  for (bool more = true; more;) {
+    Expected<wire::Tiles> part = client->receive_one<wire::Tiles>(MapClient::Seconds(connection.timeout_s));
+    if (!part) return complain(part.error(), kExitFailure);
+    for (Tile& tile : part->tiles) tiles[tile.key] = std::move(tile);
+    more = part->more;
+  }
   if (!connection.json)
     std::printf("%6s %6s %10s %10s %9s %6s %9s\n", "ix", "iy", "x (m)", "y (m)", "revision", "lines", "vertices");
-  while (true) {
-    const Expected<wire::Tiles> tiles = client->receive_one<wire::Tiles>(MapClient::Seconds(connection.timeout_s));
-    if (!tiles) return complain(tiles.error(), kExitFailure);
-    for (const Tile& tile : tiles->tiles) {
-      if (connection.json) {
-        std::printf("%s\n", json_of(tile).c_str());
-      } else {
-        print_row(tile);
-      }
+  for (const auto& [key, tile] : tiles) {
+    if (connection.json) {
+      std::printf("%s\n", json_of(tile).c_str());
+    } else {
+      print_row(tile);
     }
-    if (!tiles->more) return kExitOk;
   }
+  return kExitOk;
 }
 
 }  // namespace roadvec

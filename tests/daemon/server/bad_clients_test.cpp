@@ -83,6 +83,38 @@ TEST_F(BadClientsTest, half_a_frame) {
   expect_dismissed(client, Reason::frame_timeout);
 }
 
+TEST_F(BadClientsTest, half_a_frame_between_heartbeats) {
+  config_.half_frame_timeout_s = 1.2;
+  start();
+  MapClient client = connect();
+  ASSERT_TRUE(client.send_bytes(std::string("\x08\x00\x00\x00\x9A\x01", 6)));
+  expect_dismissed(client, Reason::frame_timeout);
+}
+
+TEST_F(BadClientsTest, a_name_without_end) {
+  start();
+  MapClient client = open();
+  wire::Hello hello;
+  hello.client_name = std::string(257, 'x');
+  ASSERT_TRUE(client.send(hello));
+  expect_dismissed(client, Reason::malformed);
+}
+
+TEST_F(BadClientsTest, an_area_with_swapped_corners_is_refused_and_the_connection_stays) {
+  start();
+  MapClient client = connect();
+  wire::Subscribe subscribe;
+  subscribe.area = wire::Area{1, 0, 0, 1};
+  wire::GetTiles request;
+  request.area = subscribe.area;
+  ASSERT_TRUE(client.send(subscribe));
+  EXPECT_FALSE(client.receive_one<wire::SnapshotBegin>(kPatience));
+  ASSERT_TRUE(client.send(request));
+  EXPECT_FALSE(client.receive_one<wire::Tiles>(kPatience));
+  ASSERT_TRUE(client.send(wire::Ping{1}));
+  EXPECT_TRUE(client.receive_one<wire::Pong>(kPatience));
+}
+
 TEST_F(BadClientsTest, a_hello_in_single_bytes_is_no_fault) {
   start();
   MapClient client = open();
@@ -126,6 +158,53 @@ TEST_F(BadClientsTest, a_flood_of_requests_is_answered_one_by_one) {
     ASSERT_TRUE(pong) << pong.error().message;
     ASSERT_EQ(pong->nonce, i);
   }
+}
+
+/// 30 clients that ask for the whole map and never read: what waits for each is a batch, not the map.
+TEST_F(BadClientsTest, many_that_never_read_cost_neither_memory_nor_the_writers_time) {
+  config_.most_clients = config_.most_clients_per_user = 100;
+  config_.send_buffer_bytes = 4096;
+  config_.facts.batch_bytes = 4096;
+  story_ = MapStory(1, 1'000'000);
+  start(std::size_t{2} << 20);
+  MapClient reader = connect();
+  ASSERT_TRUE(reader.send(wire::Subscribe{}));
+  wire::MapReplica replica;
+  for (int i = 0; i < 36; ++i) {
+    publish(50);
+    follow(reader, replica, head_seq());
+  }
+  std::size_t map_bytes = 0;
+  std::vector<char> buffer(wire::kMostServerBytes);
+  for (const auto& [key, tile] : replica.tiles()) map_bytes += wire::encode_frame(tile, buffer).size();
+  std::vector<MapClient> never;
+  for (int i = 0; i < 30; ++i) {
+    never.push_back(connect());
+    if (i % 2 == 0) {
+      ASSERT_TRUE(never.back().send(wire::Subscribe{}));
+    } else {
+      ASSERT_TRUE(never.back().send(wire::GetTiles{}));
+    }
+    publish(5);
+    follow(reader, replica, head_seq());
+  }
+  double waiting_bytes = 0;
+  ASSERT_TRUE(reader.receive_one<wire::Heartbeat>(kPatience));
+  ASSERT_TRUE(reader.receive_one<wire::Heartbeat>(kPatience)) << "made with a status that knows them all";
+  ASSERT_TRUE(reader.send(wire::GetStatus{}));
+  const auto status = reader.receive_one<wire::Status>(kPatience);
+  ASSERT_TRUE(status);
+  for (const wire::Gauge& gauge : status->stages.back().gauges) {
+    if (gauge.name == "waiting_bytes") waiting_bytes = gauge.value;
+  }
+  std::printf("map %zu bytes, waiting %.0f bytes\n", map_bytes, waiting_bytes);
+  EXPECT_GT(map_bytes, std::size_t{100'000});
+  EXPECT_GT(waiting_bytes, 0);
+  EXPECT_LT(waiting_bytes, 30.0 * 16'000);  // a batch ends with the tile or change that fills it
+  EXPECT_LT(waiting_bytes, 30.0 * static_cast<double>(map_bytes) / 8);
+  publish(500);  // returns, though nobody but the reader has taken anything
+  follow(reader, replica, head_seq());
+  EXPECT_EQ(difference_between(replica.lines(), story_.map()), std::nullopt);
 }
 
 TEST_F(BadClientsTest, one_too_many) {

@@ -314,7 +314,7 @@ class ClientsNeverMiss : public MapSocket {
     Truth truth(*log_);
     std::vector<Wanderer> clients;
     for (int i = 0; i < 10; ++i) clients.emplace_back(random(), config_.socket_path, truth);
-    for (int round = 0; round < 3000; ++round) {
+    for (int round = 0; round < 1500; ++round) {
       if (random() % 6 == 0) {
         for (auto steps = random() % 12 == 0 ? 1 + random() % 40 : 1; steps > 0; --steps) {
           publish(1);
@@ -357,7 +357,7 @@ TEST_F(ClientsNeverMiss, whatever_they_and_the_map_do) {
       "middle of a snapshot), %d dismissed\n",
       all_.checks, all_.answers, all_.snapshots, all_.incremental, all_.resumes, all_.overruns, all_.recuts, all_.ends);
   // The test means nothing if the wanderers have not seen it all.
-  EXPECT_GT(all_.checks, 1000);
+  EXPECT_GT(all_.checks, 500);
   EXPECT_GT(std::min({all_.answers, all_.snapshots, all_.incremental, all_.resumes, all_.overruns, all_.recuts}), 0);
   EXPECT_GT(all_.ends, 0);
 }

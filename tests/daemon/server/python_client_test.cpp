@@ -45,6 +45,29 @@ TEST_F(PythonClientTest, joining_late_has_the_map_and_the_geojson_to_the_millime
   EXPECT_EQ(exit_status(), 0);
 }
 
+/// As clients_never_miss_test.cpp does, with none of its code.
+TEST_F(PythonClientTest, clients_that_stall_leave_and_come_back_have_the_map_or_were_told) {
+  story_ = MapStory(2, 100);
+  full_frame_bytes_ = std::size_t{4} << 10;
+  config_.stall_timeout_s = config_.half_frame_timeout_s = 0.3;
+  config_.send_buffer_bytes = 4096;
+  config_.facts.batch_bytes = 1024;
+  start(std::size_t{128} << 10);
+  std::jthread growing([this](std::stop_token token) {
+    while (!token.stop_requested() && head_seq() < 1000) {
+      publish(1);
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+  });
+  const std::string command = "/usr/bin/python3 " ROADVEC_SOURCE
+                              "/tests/support/python/wandering_clients.py --proto " ROADVEC_SOURCE
+                              "/core/wire/roadvec.proto --seconds 3 --socket " +
+                              config_.socket_path;
+  python_ = ::popen(command.c_str(), "r");
+  ASSERT_NE(python_, nullptr);
+  EXPECT_EQ(exit_status(), 0);
+}
+
 TEST_F(PythonClientTest, notices_a_geojson_that_is_off_by_a_millimetre) {
   start();
   publish(20);

@@ -62,6 +62,7 @@ class Map:
 
     def __init__(self):
         self.tiles = {}
+        self.revisions = {}
         self.seq = None
         self.epoch = None
         self.continued = False
@@ -73,13 +74,16 @@ class Map:
 
     def snapshot_begin(self, m):
         if not m.incremental:
-            self.tiles = {}
+            self.tiles, self.revisions = {}, {}
+        self.continued = False
 
     def overrun(self, m):
+        self.continued = False
         print(f"overrun: {m.first_lost_seq} to {m.last_lost_seq}", file=sys.stderr)
 
     def tile(self, m):
         lines = self.tiles[m.key.ix, m.key.iy] = {}
+        self.revisions[m.key.ix, m.key.iy] = m.revision
         for piece in m.pieces:
             lines.setdefault(piece.line_id, []).append(piece)
 
@@ -99,10 +103,16 @@ class Map:
         self.continued = m.continued
         for tile in m.tiles:
             lines = self.tiles.setdefault((tile.key.ix, tile.key.iy), {})
+            self.revisions[tile.key.ix, tile.key.iy] = tile.revision
             for line_id in list(tile.removed_line_ids) + [piece.line_id for piece in tile.upserted]:
                 lines.pop(line_id, None)
             for piece in tile.upserted:
                 lines.setdefault(piece.line_id, []).append(piece)
+
+    def tile_bytes(self, key):
+        """All of the tile, in bytes that can be held against those of another copy."""
+        return key, self.revisions[key], tuple(piece.SerializeToString() for line_id in sorted(self.tiles[key])
+                                               for piece in sorted(self.tiles[key][line_id], key=lambda p: p.first_vertex))
 
     def lines(self, tile_size_mm):
         whole = {}
