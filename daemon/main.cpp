@@ -32,8 +32,8 @@ IN THE CAR
   leaves the files below too. SIGHUP reads the configuration again: log.level
   changes at once, other keys are named and wait for a restart, and a wrong file
   changes nothing. UDP ports and the map's socket are taken over where systemd
-  hands them over (roadvec-lidar.socket, roadvec-map.socket), and opened where
-  not.
+  hands them over (roadvec-lidar.socket, roadvec-map.socket,
+  roadvec-control.socket), and opened where not.
 
 RECORDED DRIVES
   With --drive it maps a recorded drive as fast as it can, writes
@@ -60,6 +60,7 @@ EXAMPLES
 FILES
   /etc/roadvec/roadvecd.toml   the configuration
   /run/roadvec/map.sock        the map's socket; members of the group roadvec may connect
+  /run/roadvec/control.sock    commands, for the daemon's own user and root: roadvec control
   /var/lib/roadvec/map.gpkg    the map)";
 
 struct Arguments {

@@ -1,6 +1,7 @@
 # What is installed beside the programs, and the Debian package of all: (cd build/release && cpack). See systemd/README.md.
 set(units /usr/lib/systemd/system)
-install(FILES systemd/roadvecd.service systemd/roadvec-lidar.socket systemd/roadvec-map.socket DESTINATION ${units})
+install(FILES systemd/roadvecd.service systemd/roadvec-lidar.socket systemd/roadvec-map.socket
+  systemd/roadvec-control.socket DESTINATION ${units})
 install(FILES systemd/roadvec.sysusers DESTINATION /usr/lib/sysusers.d RENAME roadvec.conf)
 install(FILES systemd/roadvec.tmpfiles DESTINATION /usr/lib/tmpfiles.d RENAME roadvec.conf)
 install(FILES systemd/80-can0.network DESTINATION share/doc/roadvec/examples)

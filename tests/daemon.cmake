@@ -18,3 +18,10 @@ roadvec_test(daemon_stages tests/daemon/stages LABEL threads LINKS daemon_stages
 # It stands in for the allocator; in a unit of others the compiler takes it for a mismatch.
 set_source_files_properties(${CMAKE_SOURCE_DIR}/tests/support/allocation_count.cpp PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
 target_sources(test_daemon_stages PRIVATE ${CMAKE_SOURCE_DIR}/tests/support/allocation_count.cpp)
+
+# soak_clients: what clients of the map socket wait for, and cost. Not part of the tests.
+if(NOT ROADVEC_FUZZ)
+  add_executable(soak_clients EXCLUDE_FROM_ALL ${CMAKE_SOURCE_DIR}/tests/bench/clients_soak.cpp)
+  target_link_libraries(soak_clients PRIVATE daemon_server)
+  add_dependencies(benchmarks soak_clients)
+endif()

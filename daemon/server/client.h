@@ -22,6 +22,7 @@ class MapClient {
   [[nodiscard]] static Expected<MapClient> open(const std::string& socket_path);
 
   [[nodiscard]] const wire::Welcome& welcome() const { return welcome_; }
+  [[nodiscard]] int fd() const { return socket_.get(); }
 
   template <class M>
   [[nodiscard]] Expected<void> send(const M& message) {

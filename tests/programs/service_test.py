@@ -32,10 +32,10 @@ class ServiceTest(ProgramTest):
         udp.bind(("", port))
         return udp
 
-    def map_socket(self):
+    def unix_socket(self, name):
         listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self.addCleanup(listener.close)
-        listener.bind(str(self.folder / "map.sock"))
+        listener.bind(str(self.folder / name))
         listener.listen()
         return listener
 
@@ -75,8 +75,11 @@ class ServiceTest(ProgramTest):
         data, position = self.udp_socket(self.port), self.udp_socket(self.position_port)
         for _ in range(5):
             self.send(self.port, bytes(1206))
-        with self.daemon([self.map_socket(), position, data], "map:lidar:lidar") as daemon:
+        sockets = [self.unix_socket("control.sock"), self.unix_socket("map.sock"), position, data]
+        with self.daemon(sockets, "control:map:lidar:lidar") as daemon:
             self.wait_for_notice("READY=1")
+            begun = run("roadvec", "control", "new-map", "--control-socket", self.folder / "control.sock")
+            self.assertEqual(begun.returncode, 0, begun.stderr)
             self.send(self.port, b"short")
             self.send(self.position_port, b"short")
             end = time.monotonic() + 20
@@ -85,7 +88,7 @@ class ServiceTest(ProgramTest):
             lidar = counters_of(self.status(), "lidar")
             self.assertEqual((lidar["before_start"], lidar["wrong_length"], lidar["position_wrong_length"]), (5, 1, 1))
             self.assertNotIn("receive buffer", self.log_after_stop(daemon))
-        self.assertTrue((self.folder / "map.sock").exists())
+        self.assertTrue((self.folder / "map.sock").exists() and (self.folder / "control.sock").exists())
 
     def test_a_port_that_nobody_wants_is_named_and_the_wanted_one_opened(self):
         other = free_udp_port()
@@ -99,7 +102,7 @@ class ServiceTest(ProgramTest):
             with self.daemon([self.udp_socket(self.port, socket.AF_INET6)], "lidar") as daemon:
                 self.assertIn("ListenDatagram=0.0.0.0:2368", daemon.communicate(timeout=20)[1])
                 self.assertEqual(daemon.returncode, 1)
-        with self.daemon([self.map_socket()], "other") as daemon:
+        with self.daemon([self.unix_socket("map.sock")], "other") as daemon:
             self.assertIn("FileDescriptorName=map", daemon.communicate(timeout=20)[1])
             self.assertEqual(daemon.returncode, 1)
 

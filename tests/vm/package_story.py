@@ -22,7 +22,7 @@ from processes import started
 PACKAGE, NEWER = "./roadvec.deb", "./newer.deb"
 CONFIGURATION, STATE = pathlib.Path("/etc/roadvec/roadvecd.toml"), pathlib.Path("/var/lib/roadvec")
 CAR_DBC = CONFIGURATION.parent / "car.dbc"
-SERVICE, SOCKETS = "roadvecd.service", ("roadvec-lidar.socket", "roadvec-map.socket")
+SERVICE, SOCKETS = "roadvecd.service", ("roadvec-lidar.socket", "roadvec-map.socket", "roadvec-control.socket")
 WORST_EXPOSURE = 1.5
 EARTH_RADIUS_M = 6371000
 
@@ -142,6 +142,7 @@ class PackageStory(unittest.TestCase):
 
     def test_04_its_sockets_are_those_that_systemd_has_opened(self):
         self.assertEqual(shell("stat -c '%a %U %G' /run/roadvec/map.sock").strip(), "660 roadvec roadvec")
+        self.assertEqual(shell("stat -c '%a %U %G' /run/roadvec/control.sock").strip(), "600 roadvec roadvec")
         for port in (2368, 8308):
             listed = shell(f"ss --udp --listening --numeric --memory --processes 'sport = {port}'")
             self.assertIn("systemd", listed)
@@ -262,11 +263,11 @@ class PackageStory(unittest.TestCase):
         with started("roadvec-replay drive --position-port 0 --loop --speed 0.1".split()):
             shell(f"systemctl stop {SERVICE}")
             time.sleep(3)
-            self.assertEqual([state(unit) for unit in (SERVICE, *SOCKETS)], ["inactive"] * 3)
+            self.assertEqual([state(unit) for unit in (SERVICE, *SOCKETS)], ["inactive"] * 4)
             configure(lambda text: text.replace("[lidar]", "[lidra]"))
             shell(f"systemctl start {SERVICE}", 1)
             time.sleep(3)
-            self.assertEqual([state(unit) for unit in (SERVICE, *SOCKETS)], ["failed", "inactive", "inactive"])
+            self.assertEqual([state(unit) for unit in (SERVICE, *SOCKETS)], ["failed", "inactive", "inactive", "inactive"])
             self.assertEqual((show("ExecMainStatus"), show("NRestarts")), ("78", "0"))
             self.assertRegex(show("StatusText"), "wrong configuration: .*roadvecd.toml:")
             configure()

@@ -9,6 +9,8 @@
 #include <functional>
 #include <thread>
 
+#include "core/wire/codec.h"
+#include "core/wire/map_replica.h"
 #include "daemon/stages/lidar_stage.h"
 #include "daemon/stages/mapping_stage.h"
 #include "daemon/stages/optimiser_stage.h"
@@ -133,7 +135,8 @@ struct Stages {
                        mapping_bell,
                        keyframes,
                        poses};
-  OptimiserStage optimiser{PipelineConfig{}, {}, keyframes, optimiser_bell, frames, {.epoch = 1, .seq = 0}};
+  OptimiserStage optimiser{PipelineConfig{}, {},     keyframes,
+                           optimiser_bell,   frames, {.epoch = 1, .seq = 0, .T_map_odom = {}}};
   std::stop_source stop;
 };
 
@@ -226,6 +229,44 @@ TEST(Stages, real_time_threads_do_not_allocate_once_warm) {
   EXPECT_EQ(end[kLidar], warm[kLidar]);
   EXPECT_EQ(end[kVehicle], warm[kVehicle]);
   EXPECT_EQ(end[kMapping], warm[kMapping]);
+}
+
+TEST(Stages, a_new_map_is_begun_in_the_middle_of_a_drive) {
+  Stages stages;
+  const auto at_half = [&] {
+    while (stages.optimiser.keyframe_count().value() < 3) std::this_thread::yield();
+    stages.optimiser.begin_new_map();
+    while (stages.optimiser.reports().load().head.epoch == 1) std::this_thread::yield();
+  };
+  LidarStage lidar_stage{std::make_unique<PausedPackets>(at_half),
+                         LidarModel::vlp16,
+                         *built_in_calibration(LidarModel::vlp16),
+                         {},
+                         stages.counters,
+                         stages.sweeps};
+  {
+    const std::jthread optimiser([&] { stages.optimiser.run(stages.stop.get_token()); });
+    const std::jthread mapping([&] { stages.mapping.run(stages.stop.get_token()); });
+    const std::jthread vehicle([&] { stages.vehicle.run(stages.stop.get_token()); });
+    const std::jthread lidar([&] { lidar_stage.run(stages.stop.get_token()); });
+  }
+  wire::MapReplica followed = wire::MapReplica::empty_at(1, 0);
+  FrameLog::Position position = 0;
+  int replaced_count = 0;
+  for (std::string frame; stages.frames.read(position, frame) == FrameLog::Outcome::frame;) {
+    const auto message =
+        wire::decode_envelope(std::string_view(frame).substr(wire::kFrameHeaderBytes), wire::Sender::server);
+    ASSERT_TRUE(message);
+    ASSERT_EQ(followed.apply(*message), wire::MapReplica::Outcome::applied);
+    const auto* change = std::get_if<wire::EpochChange>(&*message);
+    replaced_count += change != nullptr && change->reason == wire::EpochChange::Reason::map_replaced ? 1 : 0;
+  }
+  const BackEnd& back_end = stages.optimiser.back_end();
+  EXPECT_EQ(replaced_count, 1);
+  EXPECT_LT(back_end.report().keyframe_count, stages.optimiser.keyframe_count().value());
+  EXPECT_GT(back_end.report().map_length_m, 5.0);
+  EXPECT_EQ(followed.lines().size(), back_end.map().size());
+  EXPECT_GE(back_end.trajectory().front().T_map_vehicle.x_m, 4.0) << "where the vehicle was, not at the origin";
 }
 
 TEST(AllocationCount, counts) {

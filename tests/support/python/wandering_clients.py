@@ -72,6 +72,8 @@ class Client:
         self.send_bytes(HEADER.pack(len(body)) + body)
 
     def send_bytes(self, data):
+        if not self.socket:
+            return
         try:
             self.socket.sendall(data)
         except OSError:
@@ -211,11 +213,14 @@ def wander(path, messages, seed, seconds, count=8):
             if not wanderer.socket:
                 wanderer.copy = Copy()
                 wanderer.come_back()
+                continue
             select.select([wanderer.socket], [], [], 0.05)
             reference.follow()
             wanderer.read(1 << 20, wanderer.check)
             if wanderer.check_count == before and wanderer.copy.whole:
                 wanderer.check("delta", None)
+    for client in (reference, *wanderers):
+        client.disconnect()
     total = [sum(getattr(wanderer, name) for wanderer in wanderers) for name in ("check_count", "resume_count", "overrun_count")]
     return "{} checks of a whole copy, {} resumed, {} overruns, {} tiles".format(*total, len(reference.now))
 
