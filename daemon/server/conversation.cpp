@@ -63,7 +63,7 @@ Conversation::Ending Conversation::take(Session& session, const wire::GetTiles& 
     refuse(session, wire::Error::Code::unavailable, "the vehicle's pose is not known yet", now_s);
     return std::nullopt;
   }
-  Session::Delivery& delivery = session.delivery.emplace();
+  Session::Delivery& delivery = session.delivery.emplace(Session::Delivery{});
   delivery.answers = true;
   delivery.area = request.area;
   if (request.around_vehicle_m > 0)
@@ -78,7 +78,7 @@ Conversation::Ending Conversation::take(Session& session, const wire::Subscribe&
     refuse(session, wire::Error::Code::invalid, "an area whose corners are swapped", now_s);
     return std::nullopt;
   }
-  Session::Following& following = session.following.emplace();
+  Session::Following& following = session.following.emplace(Session::Following{});
   following.area = request.area;
   following.interval_s = request.max_rate_hz > 0 ? 1 / request.max_rate_hz : 0;
   following.poses = request.poses;
@@ -97,7 +97,7 @@ Conversation::Ending Conversation::take(Session& session, const wire::Subscribe&
 }
 
 void Conversation::snapshot(Session& session, const wire::Subscribe& request, double now_s) {
-  Session::Delivery& delivery = session.delivery.emplace();
+  Session::Delivery& delivery = session.delivery.emplace(Session::Delivery{});
   delivery.area = request.area;
   choose(delivery, request.known, request.known_epoch);
   const bool incremental = map_.knows(request.known_epoch) && !request.known.empty();
@@ -142,7 +142,7 @@ void Conversation::sort(std::vector<TileKey>& keys) const {
 
 void Conversation::overrun(Session& session, double now_s) {
   ++counts_.overruns;
-  Session::Delivery& delivery = session.delivery.emplace();
+  Session::Delivery& delivery = session.delivery.emplace(Session::Delivery{});
   delivery.area = session.following->area;
   delivery.cut.seq = session.following->seq;
   announce_lost(session, now_s);

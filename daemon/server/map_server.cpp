@@ -99,7 +99,8 @@ double MapServer::tick_s(double now_s) const {
   double tick_s = wants_poses() || leaving_ ? kPoseTick_s : kOrdinaryTick_s;
   for (const Session& session : sessions_) {
     if (session.awaited) tick_s = std::min(tick_s, kPoseTick_s);
-    if (session.following && !session.has_output() && !conversation_.caught_up(session))
+    // In the middle of a change its next frame rings the bell.
+    if (session.following && !session.has_output() && !conversation_.caught_up(session) && map_.replica().consistent())
       tick_s = std::min(tick_s, std::max(0.0, session.following->next_changes_s - now_s));
   }
   return tick_s;

@@ -6,6 +6,7 @@
 
 #include <poll.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -57,7 +58,7 @@ class Crowd {
     for (int i = 0; i < stuck_count; ++i) stuck_.push_back(subscribed(i % 2 == 0));
   }
   Latencies follow() {
-    while (!over_) {
+    while (!over_ && !(readers_.empty() && stuck_.empty())) {
       std::vector<pollfd> polled;
       for (const Reader& reader : readers_) polled.push_back({reader.client.fd(), POLLIN, 0});
       for (const MapClient& client : stuck_) polled.push_back({client.fd(), POLLHUP, 0});
@@ -66,7 +67,10 @@ class Crowd {
         if (polled[i].revents != 0) read(readers_[i]);
       }
       for (std::size_t i = 0; i < stuck_.size(); ++i) {
-        if (polled[readers_.size() + i].revents == 0 || over_) continue;
+        if (polled[readers_.size() + i].revents == 0) continue;
+        Expected<MapClient> again = MapClient::open(path_);
+        over_ = over_ || !again;  // the server is gone
+        if (over_) break;
         ++dismissed_count_;
         stuck_[i] = subscribed(i % 2 == 0);
       }
@@ -83,7 +87,7 @@ class Crowd {
 
   MapClient subscribed(bool asks_for_tiles) {
     Expected<MapClient> client = MapClient::connect(path_, "crowd", kPatience);
-    if (!client) std::abort();
+    if (!client) ::_exit(1);
     if (asks_for_tiles) (void)client->send(wire::GetTiles{});
     (void)client->send(wire::Subscribe{});
     return std::move(*client);
@@ -102,7 +106,7 @@ class Crowd {
       protozero::pbf_reader message(envelope->data(), envelope->size());
       if (!message.next(10)) continue;
       protozero::pbf_reader delta = message.get_message();
-      if (delta.next(3)) latencies_ns_.push_back(here_ns - delta.get_sfixed64());
+      if (delta.next(3)) latencies_ns_.push_back(here_ns - delta.get_sfixed64());  // absent: from before they came
     }
   }
   Latencies summary() {
@@ -111,7 +115,7 @@ class Crowd {
       const auto i = static_cast<std::size_t>(share * static_cast<double>(latencies_ns_.size() - 1));
       return static_cast<double>(latencies_ns_[i]) * 1e-3;
     };
-    if (latencies_ns_.empty()) return {};
+    if (latencies_ns_.empty()) return {0, 0, 0, 0, dismissed_count_};
     return {latencies_ns_.size(), quantile_us(0.5), quantile_us(0.99), quantile_us(1), dismissed_count_};
   }
 
@@ -126,9 +130,17 @@ class Crowd {
 struct Measured {
   Latencies latencies;
   double grown_mb = 0, published_max_us = 0;
+  double cpu_share = 0;  ///< of one processor: server and publisher
 };
 
-Measured serve(double seconds, const std::string& path) {
+double cpu_s() {
+  timespec now{};
+  ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+template <class Wait>
+Measured serve(double seconds, const std::string& path, Wait&& wait_for_clients) {
   FrameLog log(std::size_t{16} << 20);
   MapStory story(1, 40);
   MapPublisher publisher(log, {1, 0, {}});
@@ -138,61 +150,82 @@ Measured serve(double seconds, const std::string& path) {
   config.start = {1, 0, {}};
   config.most_clients = config.most_clients_per_user = 200;
   double published_max_us = 0;
-  const auto publish = [&] {
+  const auto publish = [&](std::int64_t time_ns) {
     MapChange change = story.step();
-    change.time.ns = now_ns();
+    change.time.ns = time_ns;
     publisher.publish(change, story.map(), [&](std::size_t bytes) {
       while (!log.has_room(bytes)) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     });
-    published_max_us = std::max(published_max_us, static_cast<double>(now_ns() - change.time.ns) * 1e-3);
+    if (time_ns != 0) published_max_us = std::max(published_max_us, static_cast<double>(now_ns() - time_ns) * 1e-3);
   };
   MapServer server(config, log, poses, [] { return wire::Status{}; });
   std::jthread thread([&](std::stop_token token) { (void)server.run(token); });
-  for (int i = 0; i < 2000; ++i) publish();  // before anybody looks: 6 km
-  std::this_thread::sleep_for(std::chrono::seconds(2));
+  for (int i = 0; i < 2000; ++i) publish(0);  // before anybody looks: 6 km
+  wait_for_clients();
+  std::this_thread::sleep_for(std::chrono::seconds(1));
   const double begin_mb = resident_mb();
+  const double begin_cpu_s = cpu_s();
   double most_mb = begin_mb;
   const std::int64_t begin_ns = now_ns();
   for (std::int64_t i = 0; static_cast<double>(now_ns() - begin_ns) < seconds * 1e9; ++i) {
-    publish();
+    publish(now_ns());
     if (i % 50 == 0) most_mb = std::max(most_mb, resident_mb());
     std::this_thread::sleep_until(std::chrono::steady_clock::time_point(std::chrono::nanoseconds(
         begin_ns + static_cast<std::int64_t>(static_cast<double>(i + 1) * 1e9 / kChanges_hz))));
   }
-  return {{}, most_mb - begin_mb, published_max_us};
+  return {{}, most_mb - begin_mb, published_max_us, (cpu_s() - begin_cpu_s) / seconds};
 }
+
+/// Clients in a process of their own, which says when they are all there, and at last what they have seen.
+struct Crowded {
+  Crowded(const std::string& path, int reader_count, int stuck_count) {
+    if (::pipe(ends) != 0) std::abort();
+    pid = ::fork();
+    if (pid != 0) return;
+    Crowd crowd(path, reader_count, stuck_count);
+    if (::write(ends[1], "", 1) != 1) ::_exit(1);
+    const Latencies latencies = crowd.follow();
+    ::_exit(::write(ends[1], &latencies, sizeof latencies) == static_cast<ssize_t>(sizeof latencies) ? 0 : 1);
+  }
+  template <class T>
+  T take() const {
+    T value{};
+    if (::read(ends[0], &value, sizeof value) != static_cast<ssize_t>(sizeof value)) std::abort();
+    return value;
+  }
+  ~Crowded() {
+    ::waitpid(pid, nullptr, 0);
+    ::close(ends[0]);
+    ::close(ends[1]);
+  }
+  int ends[2]{};
+  pid_t pid = 0;
+};
 
 Measured run(int reader_count, int stuck_count, double seconds) {
   const TemporaryFolder folder;
   const std::string path = (folder / "map.sock").string();
-  int ends[2];
-  if (::pipe(ends) != 0) std::abort();
-  const pid_t child = ::fork();
-  if (child == 0) {
-    Latencies latencies = Crowd(path, reader_count, stuck_count).follow();
-    const bool told = ::write(ends[1], &latencies, sizeof latencies) == static_cast<ssize_t>(sizeof latencies);
-    ::_exit(told ? 0 : 1);
-  }
-  Measured measured = serve(seconds, path);
-  if (::read(ends[0], &measured.latencies, sizeof measured.latencies) != static_cast<ssize_t>(sizeof(Latencies)))
-    std::abort();
-  ::waitpid(child, nullptr, 0);
-  ::close(ends[0]);
-  ::close(ends[1]);
+  const Crowded readers(path, reader_count, 0), stuck(path, 0, stuck_count);
+  Measured measured = serve(seconds, path, [&] {
+    (void)readers.take<char>();
+    (void)stuck.take<char>();
+  });
+  measured.latencies = readers.take<Latencies>();
+  measured.latencies.dismissed_count = stuck.take<Latencies>().dismissed_count;
   return measured;
 }
 
 void print(const char* who, const Measured& m) {
-  std::printf("%-36s %8llu %9.0f %9.0f %9.0f %10.2f %12.0f %10llu\n", who,
+  std::printf("%-36s %8llu %9.0f %9.0f %9.0f %10.2f %12.0f %6.1f %10llu\n", who,
               static_cast<unsigned long long>(m.latencies.count), m.latencies.p50_us, m.latencies.p99_us,
-              m.latencies.max_us, m.grown_mb, m.published_max_us,
+              m.latencies.max_us, m.grown_mb, m.published_max_us, 100 * m.cpu_share,
               static_cast<unsigned long long>(m.latencies.dismissed_count));
   std::fflush(stdout);
 }
 
 int soak(double seconds) {
-  std::printf("%-36s %8s %9s %9s %9s %10s %12s %10s\n", "clients", "changes", "p50 us", "p99 us", "max us", "grown MB",
-              "publish us", "dismissed");
+  std::printf("%-36s %8s %9s %9s %9s %10s %12s %6s %10s\n", "clients", "changes", "p50 us", "p99 us", "max us",
+              "grown MB", "publish us", "cpu %", "dismissed");
   std::fflush(stdout);
   const Measured one = run(1, 0, seconds);
   print("1 that reads", one);

@@ -61,7 +61,7 @@ TEST_F(PythonClientTest, clients_that_stall_leave_and_come_back_have_the_map_or_
   });
   const std::string command = "/usr/bin/python3 " ROADVEC_SOURCE
                               "/tests/support/python/wandering_clients.py --proto " ROADVEC_SOURCE
-                              "/core/wire/roadvec.proto --seconds 3 --socket " +
+                              "/core/wire/roadvec.proto --seconds 2 --socket " +
                               config_.socket_path;
   python_ = ::popen(command.c_str(), "r");
   ASSERT_NE(python_, nullptr);
