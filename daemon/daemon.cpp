@@ -28,7 +28,7 @@ T or_throw(Expected<T> value) {
 MapHead first_head(InputKind kind, const Pose2& T_map_odom) {
   std::random_device random;
   const std::uint64_t chance = (static_cast<std::uint64_t>(random()) << 32 | random()) | 1;
-  return {.epoch = kind == InputKind::recorded ? 1 : chance, .seq = 0, .T_map_odom = T_map_odom};
+  return {kind == InputKind::recorded ? 1 : chance, 0, T_map_odom};
 }
 
 }  // namespace

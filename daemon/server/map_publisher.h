@@ -11,6 +11,9 @@ namespace roadvec {
 /// How far the published map has come: the newest change, the epoch it belongs to, and the correction of the odometry
 /// then in force.
 struct MapHead {
+  constexpr MapHead() = default;
+  constexpr MapHead(std::uint64_t in_epoch, std::uint64_t newest_seq, const Pose2& correction = {})
+      : epoch(in_epoch), seq(newest_seq), T_map_odom(correction) {}
   std::uint64_t epoch = 0, seq = 0;
   Pose2 T_map_odom;
 };

@@ -143,11 +143,11 @@ template <class Wait>
 Measured serve(double seconds, const std::string& path, Wait&& wait_for_clients) {
   FrameLog log(std::size_t{16} << 20);
   MapStory story(1, 40);
-  MapPublisher publisher(log, {1, 0, {}});
+  MapPublisher publisher(log, {1, 0});
   Latest<PoseReport> poses;
   MapServerConfig config;
   config.socket_path = path;
-  config.start = {1, 0, {}};
+  config.start = {1, 0};
   config.most_clients = config.most_clients_per_user = 200;
   double published_max_us = 0;
   const auto publish = [&](std::int64_t time_ns) {

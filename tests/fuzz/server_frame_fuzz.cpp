@@ -14,8 +14,8 @@ using namespace roadvec;
 /// A server with a small map, as a client finds it.
 struct World {
   FrameLog log{std::size_t{1} << 16};
-  ServedMap map{log, {7, 0, {}}};
-  MapPublisher publisher{log, {7, 0, {}}};
+  ServedMap map{log, {7, 0}};
+  MapPublisher publisher{log, {7, 0}};
   Conversation conversation{map, {"fuzz", Anchor{}, {}, 512}};
 
   World() {

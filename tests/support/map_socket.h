@@ -13,7 +13,7 @@
 
 namespace roadvec {
 
-inline constexpr MapHead kStart{0xC0FFEE, 0, {}};
+inline constexpr MapHead kStart{0xC0FFEE, 0};
 inline constexpr MapClient::Seconds kPatience{20};
 
 /// A MapServer that runs in a thread of its own on a socket in a temporary folder, and a MapStory published by the

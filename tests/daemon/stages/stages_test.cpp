@@ -135,8 +135,7 @@ struct Stages {
                        mapping_bell,
                        keyframes,
                        poses};
-  OptimiserStage optimiser{PipelineConfig{}, {},     keyframes,
-                           optimiser_bell,   frames, {.epoch = 1, .seq = 0, .T_map_odom = {}}};
+  OptimiserStage optimiser{PipelineConfig{}, {}, keyframes, optimiser_bell, frames, {1, 0}};
   std::stop_source stop;
 };
 
