@@ -66,6 +66,7 @@ Daemon::Daemon(const Settings& settings, InputKind kind, Service& service, const
   server.start = head;
   server.facts.server_version = ROADVEC_VERSION;
   server.facts.anchor = anchor_of(settings_);
+  server.facts.commands.durable_seq = [this] { return store_->report().durable_seq; };
   server.facts.commands.begin_new_map = [this] { optimiser_->begin_new_map(); };
   server_.emplace(server, frames_, poses_, [this] { return status(); });
   store_.emplace(MapStoreConfig{.directory = settings_.storage.directory,

@@ -22,9 +22,17 @@ bool MapCopy::apply(const wire::Delta& delta) {
 
 bool MapCopy::apply(const wire::EpochChange& change) {
   if (change.seq != newest_.seq + 1 || change.epoch_before != newest_.epoch) return false;
-  newest_ = {change.epoch, change.seq};
-  head_ = newest_;
+  newest_ = {change.epoch, change.seq, change.T_map_odom_after};
+  begins_anew_ = change.reason == wire::EpochChange::Reason::map_replaced;
+  if (!begins_anew_) head_ = newest_;
   return true;
+}
+
+void MapCopy::let_go() {
+  map_.clear();
+  changed_.clear();
+  head_ = newest_;
+  begins_anew_ = false;
 }
 
 bool MapCopy::complete() {

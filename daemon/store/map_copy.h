@@ -28,6 +28,9 @@ class MapCopy {
   void written() { changed_.clear(); }
   void changed(LineId line) { changed_.insert(line); }
   void all_changed();
+  /// The last frame said that the map begins anew: map() is still the one before, and head() its end, until let_go().
+  [[nodiscard]] bool begins_anew() const { return begins_anew_; }
+  void let_go();
 
  private:
   bool apply(const wire::Delta& delta);
@@ -40,6 +43,7 @@ class MapCopy {
   std::set<LineId> changed_;
   std::vector<TilePiece> pieces_;  ///< of the change that is arriving
   std::set<LineId> left_;          ///< lines that it takes out of a tile
+  bool begins_anew_ = false;
 };
 
 }  // namespace roadvec

@@ -60,7 +60,11 @@ const char* words_for(StoreTrouble trouble) {
 }  // namespace
 
 MapStore::MapStore(const MapStoreConfig& config, FrameLog& log)
-    : config_(config), path_(config.directory / "map.gpkg"), reader_(log), copy_(config.start) {
+    : config_(config),
+      path_(config.directory / "map.gpkg"),
+      reader_(log),
+      copy_(config.start),
+      first_epoch_(config.start.epoch) {
   part_.anchor = config.anchor;
   report_.state = "opening " + path_.string();
 }
@@ -96,8 +100,19 @@ bool MapStore::take_new() {
         return false;
       case FrameLog::Outcome::frame:
         if (!copy_.take(frame_)) return false;
+        if (copy_.begins_anew()) begin_part();
     }
   }
+}
+
+/// The map before stays in the file as a part of its own; what of it cannot be written by now is forgotten with it.
+void MapStore::begin_part() {
+  if (!file_) open();
+  if (file_ && !(part_.number == 0 && copy_.map().empty())) write(true);
+  copy_.let_go();
+  part_ = {};
+  part_.anchor = config_.anchor;
+  first_epoch_ = copy_.head().epoch;
 }
 
 void MapStore::open() {
@@ -126,7 +141,7 @@ Stored<void> MapStore::find_part(const MapFile& file) {
   part_.head = {};
   for (const MapPart& part : *parts) {
     // Epochs begin at random and count up with each closed loop.
-    if (config_.start.epoch <= part.head.epoch && part.head.epoch <= copy_.head().epoch) part_ = part;
+    if (first_epoch_ <= part.head.epoch && part.head.epoch <= copy_.head().epoch) part_ = part;
   }
   copy_.all_changed();
   if (part_.number == 0) return {};

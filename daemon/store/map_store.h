@@ -54,6 +54,7 @@ class MapStore {
   using Clock = std::chrono::steady_clock;
   [[nodiscard]] bool take_new();
   void open();
+  void begin_part();
   [[nodiscard]] Stored<void> find_part(const MapFile& file);
   void write(bool finished);
   void finish();
@@ -68,7 +69,8 @@ class MapStore {
   FrameLog::Reader reader_;
   std::string frame_;
   MapCopy copy_;
-  MapPart part_;  ///< as it was last written
+  MapPart part_;               ///< as it was last written
+  std::uint64_t first_epoch_;  ///< of the part
   std::optional<MapFile> file_;
   std::uint64_t log_inode_ = 0;  ///< of map.gpkg-wal, while file_ is open
   std::string set_aside_text_;

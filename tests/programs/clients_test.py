@@ -74,6 +74,7 @@ class ClientsTest(ProgramTest):
         follower.send(hello=MESSAGES.Hello(proto_major=1))
         follower.send(subscribe=MESSAGES.Subscribe())
         copy = roadvec_client.Map()
+        self.assertRegex(self.control("save"), r"on disk; changes up to [1-9]\d* are on disk")
         self.assertIn("a new map has begun", self.control("new-map"))
         while True:
             kind, message = follower.receive()

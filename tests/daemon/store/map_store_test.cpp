@@ -104,6 +104,27 @@ TEST_F(MapStoreTest, writes_the_rest_when_it_is_stopped_and_leaves_one_file) {
   EXPECT_EQ(names, std::set<std::string>{"map.gpkg"});
 }
 
+TEST_F(MapStoreTest, a_map_that_is_begun_anew_leaves_the_one_before_in_the_file) {
+  start();
+  publish(60);
+  MapChange anew;
+  anew.begins_anew = true;
+  for (const auto& [id, line] : story_.map()) anew.removed.push_back(id);
+  const std::size_t line_count = story_.map().size();
+  publisher_.publish(anew, {}, [](std::size_t) {});
+  story_ = MapStory{2};
+  publish(30);
+  wait_until_all_is_kept();
+  expect_kept(2);
+  stop();
+  expect_kept(2);
+  const Stored<MapFile> file = MapFile::open_to_read(path_);
+  const MapPart before = file->parts().value()[0];
+  EXPECT_TRUE(before.finished);
+  EXPECT_EQ(before.head.epoch, kFirst.epoch);
+  EXPECT_EQ(file->lines(before)->size(), line_count);
+}
+
 TEST_F(MapStoreTest, waits_while_another_program_holds_a_lock) {
   start();
   publish(30);
