@@ -108,7 +108,7 @@ bool MapStore::take_new() {
 /// The map before stays in the file as a part of its own; what of it cannot be written by now is forgotten with it.
 void MapStore::begin_part() {
   if (!file_) open();
-  if (file_ && !(part_.number == 0 && copy_.map().empty())) write(true);
+  if (file_) write(true);
   copy_.let_go();
   part_ = {};
   part_.anchor = config_.anchor;
@@ -152,10 +152,15 @@ Stored<void> MapStore::find_part(const MapFile& file) {
 }
 
 void MapStore::write(bool finished) {
-  const bool news = !copy_.changed().empty() || finished != part_.finished;
-  if (!news) {
-    const Stored<void> unchanged = file_->find_unchanged();
-    return unchanged ? say({}) : meet(unchanged.error());
+  const bool news = !copy_.changed().empty() || part_.head.seq != copy_.head().seq || finished != part_.finished;
+  if (nothing_to_keep() || !news) {
+    if (const Stored<void> unchanged = file_->find_unchanged(); !unchanged) return meet(unchanged.error());
+    copy_.written();
+    {
+      const std::scoped_lock lock(report_mutex_);
+      report_.durable_seq = copy_.head().seq;
+    }
+    return say({});
   }
   const Clock::time_point begin = Clock::now();
   MapPart part = part_;
@@ -170,13 +175,11 @@ void MapStore::write(bool finished) {
 }
 
 void MapStore::finish() {
-  const bool nothing_to_keep = part_.number == 0 && copy_.map().empty();
   const Clock::time_point end = Clock::now() + config_.last_tries;
   for (;;) {
     if (!file_) open();
-    if (file_ && nothing_to_keep) break;
     if (file_) write(true);
-    if (part_.finished || Clock::now() > end) break;
+    if (part_.finished || (file_ && nothing_to_keep()) || Clock::now() > end) break;
     ::poll(nullptr, 0, static_cast<int>(kTurn.count()));
   }
   // Who still reads keeps the log; then it stays beside the file, and SQLite finds it there.

@@ -55,6 +55,8 @@ class MapStore {
   [[nodiscard]] bool take_new();
   void open();
   void begin_part();
+  /// The map is empty, and none of it was ever written.
+  [[nodiscard]] bool nothing_to_keep() const { return part_.number == 0 && copy_.map().empty(); }
   [[nodiscard]] Stored<void> find_part(const MapFile& file);
   void write(bool finished);
   void finish();

@@ -125,6 +125,17 @@ TEST_F(MapStoreTest, a_map_that_is_begun_anew_leaves_the_one_before_in_the_file)
   EXPECT_EQ(file->lines(before)->size(), line_count);
 }
 
+TEST_F(MapStoreTest, an_empty_map_that_is_begun_anew_is_kept_as_it_is_without_a_part) {
+  start();
+  MapChange anew;
+  anew.begins_anew = true;
+  publisher_.publish(anew, {}, [](std::size_t) {});
+  wait_until_all_is_kept();
+  stop();
+  EXPECT_EQ(store_->report().durable_seq, 1U);
+  EXPECT_TRUE(MapFile::open_to_read(path_)->parts().value().empty());
+}
+
 TEST_F(MapStoreTest, waits_while_another_program_holds_a_lock) {
   start();
   publish(30);
