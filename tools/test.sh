@@ -2,7 +2,7 @@
 # Installs what is missing and checks roadvec: format, layers, build with warnings as errors, unit and property tests, drives
 # through the real programs, the same tests of what runs in the car with sanitizers, mutated input for every parser, lint.
 #
-#   tools/test.sh            all of that, in about 20 minutes on two cores
+#   tools/test.sh            all of that, in about half an hour on two cores
 #   tools/test.sh --quick    format, build, tests (no sanitizers, mutated input or lint)
 #   tools/test.sh --package  the Debian package in a fresh machine with systemd and vcan, from installing to purging (six minutes)
 #   tools/test.sh --long     the tools' tests with sanitizers too, libFuzzer on every parser, clang-tidy on every source file (an
