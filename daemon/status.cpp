@@ -213,9 +213,9 @@ wire::Stage Daemon::store_status() const {
           .counters = {{"batches", report.batch_count},
                        {"failed_batches", report.failed_count},
                        {"opened", report.opened_count},
-                       {"set_aside", report.set_aside_count},
-                       {"unwritten_lines", report.unwritten_line_count}},
-          .gauges = {{"file_bytes", report.file_bytes},
+                       {"set_aside", report.set_aside_count}},
+          .gauges = {{"unwritten_lines", static_cast<double>(report.unwritten_line_count)},
+                     {"file_bytes", report.file_bytes},
                      {"log_bytes", report.log_bytes},
                      {"longest_batch_ms", report.longest_batch_ms}},
           .timings = {}};

@@ -1,30 +1,15 @@
-#include <GeographicLib/LocalCartesian.hpp>
-#include <cmath>
-
-#include "core/map/tiles.h"
+#include "daemon/server/geo_line.h"
 #include "daemon/server/map_files.h"
 #include "daemon/server/text_writer.h"
 
 namespace roadvec {
 namespace {
 
-/// Root of the mean square over the vertices.
-template <class Sigma>
-double rms(const MapLine& line, Sigma&& sigma) {
-  double sum = 0;
-  for (const Vertex& v : line.vertices) sum += sigma(v) * sigma(v);
-  return line.vertices.empty() ? 0 : std::sqrt(sum / static_cast<double>(line.vertices.size()));
-}
-
 std::string coordinates(const MapLine& line, const GeographicLib::LocalCartesian& enu) {
   std::string text = "[";
-  for (const Vertex& v : line.vertices) {
-    // Through whole millimetres: what has been over the wire and what has not print alike.
-    const auto published_m = [](double m) { return m_from_mm(mm_from_m(m)); };
-    double latitude_deg = 0, longitude_deg = 0, height_m = 0;
-    enu.Reverse(published_m(v.x_m), published_m(v.y_m), published_m(v.z_m), latitude_deg, longitude_deg, height_m);
+  for (const GeoPosition& p : geo_positions(line, enu)) {
     text += text.size() > 1 ? ",[" : "[";
-    text += decimal(longitude_deg, 9) + "," + decimal(latitude_deg, 9) + "," + decimal(height_m, 4) + "]";
+    text += decimal(p.longitude_deg, 9) + "," + decimal(p.latitude_deg, 9) + "," + decimal(p.height_m, 4) + "]";
   }
   return text + "]";
 }
@@ -38,10 +23,8 @@ std::string feature(const MapLine& line, const GeographicLib::LocalCartesian& en
   text += ",\"first_end\":" + json_text(name_of(a.first_end)) + ",\"last_end\":" + json_text(name_of(a.last_end));
   text +=
       ",\"first_seen_s\":" + seconds_text(line.first_seen.ns) + ",\"last_seen_s\":" + seconds_text(line.last_seen.ns);
-  text += ",\"sigma_across_m\":" +
-          decimal(rms(line, [](const Vertex& v) { return m_from_mm(mm_from_m(v.sigma_across_m)); }), 3);
-  text += ",\"sigma_along_m\":" +
-          decimal(rms(line, [](const Vertex& v) { return m_from_mm(mm_from_m(v.sigma_along_m)); }), 3);
+  text += ",\"sigma_across_m\":" + decimal(rms_m(line, &Vertex::sigma_across_m), 3);
+  text += ",\"sigma_along_m\":" + decimal(rms_m(line, &Vertex::sigma_along_m), 3);
   text += "},\"geometry\":{\"type\":\"LineString\",\"coordinates\":" + coordinates(line, enu) + "}}";
   return text;
 }
@@ -59,7 +42,7 @@ double length_m(const VectorMap& map) {
 }
 
 std::string geojson_of(const VectorMap& map, const Anchor& anchor) {
-  const GeographicLib::LocalCartesian enu(anchor.latitude_deg, anchor.longitude_deg, anchor.height_m);
+  const GeographicLib::LocalCartesian enu = enu_at(anchor);
   std::string text =
       "{\"type\":\"FeatureCollection\",\n\"anchor\":{\"latitude_deg\":" + decimal(anchor.latitude_deg, 10) +
       ",\"longitude_deg\":" + decimal(anchor.longitude_deg, 10) + ",\"height_m\":" + decimal(anchor.height_m, 4) +

@@ -1,7 +1,6 @@
-#include <GeographicLib/LocalCartesian.hpp>
 #include <cstdint>
 
-#include "core/map/tiles.h"
+#include "daemon/server/geo_line.h"
 #include "daemon/server/map_files.h"
 #include "daemon/server/text_writer.h"
 
@@ -18,7 +17,7 @@ std::string tag(std::string_view key, std::string_view value) {
 /// [Lanelet2, LinestringTagging]: a road_border ends what can be driven on; behind a curbstone it goes on. Wall, fence
 /// and guard_rail are not told apart, so a barrier is a road_border with its height.
 std::string tags_of(const LineAttributes& attributes) {
-  const double height_m = m_from_mm(mm_from_m(attributes.height_m));
+  const double height_m = published_m(attributes.height_m);
   const std::string height = tag("height", decimal(height_m, 3));
   if (attributes.kind != BoundaryKind::curb) return tag("type", "road_border") + height;
   return tag("type", "curbstone") + tag("subtype", height_m < kHighCurb_m ? "low" : "high") + height;
@@ -45,7 +44,7 @@ std::vector<Vertex> spaced(const std::vector<Vertex>& vertices) {
 }  // namespace
 
 std::string lanelet2_of(const VectorMap& map, const Anchor& anchor) {
-  const GeographicLib::LocalCartesian enu(anchor.latitude_deg, anchor.longitude_deg, anchor.height_m);
+  const GeographicLib::LocalCartesian enu = enu_at(anchor);
   std::string nodes, ways;
   std::int64_t node = 0, way = 0;
   for (const auto& [id, line] : map) {
@@ -55,12 +54,10 @@ std::string lanelet2_of(const VectorMap& map, const Anchor& anchor) {
     if (vertices.empty()) continue;
     ways += "<way id=\"" + std::to_string(++way) + "\" version=\"1\" visible=\"true\">";
     for (const Vertex& v : vertices) {
-      const auto published_m = [](double m) { return m_from_mm(mm_from_m(m)); };
-      double latitude_deg = 0, longitude_deg = 0, height_m = 0;
-      enu.Reverse(published_m(v.x_m), published_m(v.y_m), published_m(v.z_m), latitude_deg, longitude_deg, height_m);
+      const GeoPosition p = geo_position(v, enu);
       const std::string number = std::to_string(++node);
-      nodes += "<node id=\"" + number + "\" version=\"1\" visible=\"true\" lat=\"" + decimal(latitude_deg, 9) +
-               "\" lon=\"" + decimal(longitude_deg, 9) + "\">" + tag("ele", decimal(height_m, 4)) + "</node>\n";
+      nodes += "<node id=\"" + number + "\" version=\"1\" visible=\"true\" lat=\"" + decimal(p.latitude_deg, 9) +
+               "\" lon=\"" + decimal(p.longitude_deg, 9) + "\">" + tag("ele", decimal(p.height_m, 4)) + "</node>\n";
       ways += "<nd ref=\"" + number + "\"/>";
     }
     ways += tags_of(line.attributes) + "</way>\n";

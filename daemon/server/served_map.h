@@ -12,8 +12,8 @@
 
 namespace roadvec {
 
-/// An encoded frame on its way to one or many clients; never changed once made. Shared, because a snapshot must keep
-/// the tiles of its seq while the map goes on, and copying only what changes is what keeps 64 slow clients cheap.
+/// An encoded frame on its way to one or many clients; never changed once made. Shared, because most clients are at the
+/// same change and the same tiles.
 using SharedFrame = std::shared_ptr<const std::string>;
 
 /// Encodes messages for clients; server thread only.

@@ -29,7 +29,7 @@ class OptimiserStage {
   /// Until the keyframe channel is finished; then publishes the last of the map. Stop gives up waiting for slow
   /// readers.
   void run(const std::stop_token& stop);
-  /// Any thread: forget the map and begin another with the next keyframe, where the vehicle now is in the map.
+  /// Any thread: let go of the map and begin another with the next keyframe, where the vehicle now is in the map.
   void begin_new_map() noexcept { new_map_wanted_.store(true, std::memory_order_relaxed); }
 
   [[nodiscard]] const StepTimer& timer() const { return timer_; }

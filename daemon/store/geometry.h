@@ -5,13 +5,10 @@
 #include <span>
 #include <vector>
 
+#include "daemon/server/geo_line.h"
+
 namespace roadvec {
 
-/// A position as GeoPackage wants it, whatever the axis order of the reference system: longitude first.
-struct GeoPosition {
-  double longitude_deg = 0, latitude_deg = 0, height_m = 0;
-  friend bool operator==(const GeoPosition&, const GeoPosition&) = default;
-};
 /// Smallest rectangle around positions; empty while min > max.
 struct GeoEnvelope {
   double min_longitude_deg = 1e9, max_longitude_deg = -1e9, min_latitude_deg = 1e9, max_latitude_deg = -1e9;

@@ -2,12 +2,9 @@
 
 #include <sys/stat.h>
 
-#include <GeographicLib/LocalCartesian.hpp>
 #include <algorithm>
-#include <cmath>
 #include <string_view>
 
-#include "core/map/tiles.h"
 #include "daemon/store/schema.h"
 
 namespace roadvec {
@@ -37,26 +34,6 @@ constexpr const char* kSelectLines = R"(
 SELECT geom, line_id, revision, kind, height_m, existence, observation_count, first_end, last_end, first_seen_ns,
   last_seen_ns, sigma_across_m, sigma_along_m FROM boundaries WHERE part = ? ORDER BY line_id)";
 
-double published_m(double m) { return m_from_mm(mm_from_m(m)); }
-
-std::vector<GeoPosition> positions_of(const MapLine& line, const GeographicLib::LocalCartesian& enu) {
-  std::vector<GeoPosition> positions;
-  positions.reserve(line.vertices.size());
-  for (const Vertex& v : line.vertices) {
-    GeoPosition& p = positions.emplace_back();
-    enu.Reverse(published_m(v.x_m), published_m(v.y_m), published_m(v.z_m), p.latitude_deg, p.longitude_deg,
-                p.height_m);
-  }
-  return positions;
-}
-
-template <class Sigma>
-double rms(const MapLine& line, Sigma&& sigma) {
-  double sum = 0;
-  for (const Vertex& v : line.vertices) sum += sigma(v) * sigma(v);
-  return std::sqrt(sum / static_cast<double>(line.vertices.size()));
-}
-
 template <class Kind, std::size_t N>
 Kind kind_named(const std::array<std::string_view, N>& names, const std::string& name) {
   const auto found = std::ranges::find(names, name);
@@ -85,10 +62,6 @@ bool read_line(const Statement& row, const GeographicLib::LocalCartesian& enu, M
                              line.attributes.height_m, sigma_across_m, sigma_along_m});
   }
   return true;
-}
-
-GeographicLib::LocalCartesian enu_at(const Anchor& anchor) {
-  return {anchor.latitude_deg, anchor.longitude_deg, anchor.height_m};
 }
 
 /// The whole file is read: seconds for a map of gigabytes, so only when nobody has a lock that would end the opening.
@@ -230,7 +203,7 @@ Stored<void> MapFile::write_lines(const MapPart& part, const VectorMap& map, con
     } else {
       const MapLine& line = found->second;
       const LineAttributes& a = line.attributes;
-      const std::vector<GeoPosition> positions = positions_of(line, enu);
+      const std::vector<GeoPosition> positions = geo_positions(line, enu);
       GeoEnvelope envelope;
       for (const GeoPosition& p : positions) envelope.add(p);
       extent.add(envelope);
@@ -239,8 +212,7 @@ Stored<void> MapFile::write_lines(const MapPart& part, const VectorMap& map, con
           upsert->execute(std::span<const std::uint8_t>(blob), part.number, line_id, std::int64_t{line.revision},
                           name_of(a.kind), double{a.height_m}, double{a.existence}, std::int64_t{a.observation_count},
                           name_of(a.first_end), name_of(a.last_end), line.first_seen.ns, line.last_seen.ns,
-                          rms(line, [](const Vertex& v) { return double{v.sigma_across_m}; }),
-                          rms(line, [](const Vertex& v) { return double{v.sigma_along_m}; }));
+                          rms_m(line, &Vertex::sigma_across_m), rms_m(line, &Vertex::sigma_along_m));
     }
     if (!done) return done;
   }

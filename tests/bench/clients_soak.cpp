@@ -2,7 +2,7 @@
 // fifty that read, and fifty that read beside fifty that ask for everything and never read. Clients are another
 // process.
 //
-//   soak_clients [SECONDS]      each of the three; default 30 s at 100 changes a second, ten times those of a car
+//   soak_clients [SECONDS]      each of the four; default 30 s at 100 changes a second, ten times those of a car
 
 #include <poll.h>
 #include <sys/wait.h>

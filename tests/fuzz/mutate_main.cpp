@@ -20,7 +20,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
 //   fuzz_dbc CORPUS_DIR FIRST COUNT
 namespace {
 
-constexpr std::size_t kLongest = 4096;
+constexpr std::size_t kMostBytes = 4096;
 constexpr std::uint8_t kTelling[] = {0, 1, 0x7F, 0x80, 0xFF, '\n', '"', '-'};
 
 const char* program = "";
@@ -37,7 +37,7 @@ void mutate(std::string& input, const std::vector<std::string>& seeds, std::mt19
   const std::string& other = seeds[below(seeds.size())];
   switch (random() % 6) {
     case 0:
-      input.empty() ? input.push_back('0') : void(input[at] = static_cast<char>(input[at] ^ (1 << random() % 8)));
+      if (!input.empty()) input[at] = static_cast<char>(input[at] ^ (1 << random() % 8));
       break;
     case 1:
       input.replace(at, input.empty() ? 0 : 1, 1, static_cast<char>(kTelling[random() % std::size(kTelling)]));
@@ -54,7 +54,7 @@ void mutate(std::string& input, const std::vector<std::string>& seeds, std::mt19
     default:
       input.resize(at);
   }
-  input.resize(std::min(input.size(), kLongest));
+  input.resize(std::min(input.size(), kMostBytes));
 }
 
 std::vector<std::string> read_files(const std::filesystem::path& folder) {

@@ -75,6 +75,8 @@ class ClientsTest(ProgramTest):
         follower.send(subscribe=MESSAGES.Subscribe())
         copy = roadvec_client.Map()
         self.assertRegex(self.control("save"), r"on disk; changes up to [1-9]\d* are on disk")
+        saved = json.loads(self.roadvec("--json", "control", "save", "--control-socket", self.control_socket))
+        self.assertEqual((saved["type"], saved["text"]), ("command_result", "on disk"))
         self.assertIn("a new map has begun", self.control("new-map"))
         while True:
             kind, message = follower.receive()

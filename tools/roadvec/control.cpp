@@ -2,6 +2,7 @@
 #include <cstdio>
 
 #include "tools/roadvec/commands.h"
+#include "tools/roadvec/json.h"
 
 namespace roadvec {
 
@@ -13,9 +14,11 @@ int control(const Connection& connection, const wire::Command& command) {
       client->receive_one<wire::CommandResult>(MapClient::Seconds(connection.timeout_s));
   if (!result) return complain(result.error(), kExitFailure);
   if (!result->done) return complain({result->text}, kExitFailure);
-  const char* format = connection.json ? "{\"type\":\"command_result\",\"text\":\"%s\",\"durable_seq\":%" PRIu64 "}\n"
-                                       : "%s; changes up to %" PRIu64 " are on disk\n";
-  std::printf(format, result->text.c_str(), result->durable_seq);
+  if (connection.json) {
+    std::puts(json_of(*result).c_str());
+  } else {
+    std::printf("%s; changes up to %" PRIu64 " are on disk\n", result->text.c_str(), result->durable_seq);
+  }
   return kExitOk;
 }
 

@@ -80,21 +80,34 @@ int write(const std::string& text, const std::string& path) {
   return file ? kExitOk : complain({"cannot write " + path + ": " + std::strerror(errno)}, kExitFailure);
 }
 
+/// With what SQLite keeps beside it, which would be taken for the next file's.
+void remove_gpkg(const std::string& path) {
+  for (const char* suffix : {"", "-wal", "-shm"}) {
+    std::error_code missing;
+    std::filesystem::remove(path + suffix, missing);
+  }
+}
+
 /// Under another name first: the good name never belongs to half a file.
 int write_gpkg(const WholeMap& map, const std::string& path) {
   if (path == "-") return complain({"a GeoPackage is no stream: name a file with -o"}, kExitUsage);
+  // The log of the file that is there would be taken for the new one's.
+  if (std::filesystem::exists(path + "-wal")) {
+    return complain({path + " is in use, or was left unfinished (" + path + "-wal): name another file with -o"},
+                    kExitFailure);
+  }
   const std::string beginning = path + ".part";
-  std::error_code error;
-  std::filesystem::remove(beginning, error);
+  remove_gpkg(beginning);
   MapPart part{.number = 0, .anchor = *map.anchor, .head = map.head, .finished = true};
   std::set<LineId> all;
   for (const auto& [id, line] : map.lines) all.insert(id);
   const Stored<void> written = MapFile::open(beginning).and_then(
       [&](MapFile&& file) { return file.write(part, map.lines, all).and_then([&] { return file.leave_wal(); }); });
+  std::error_code error;
   if (written) std::filesystem::rename(beginning, path, error);
   if (written && !error) return kExitOk;
   const std::string reason = written ? error.message() : written.error().text;
-  std::filesystem::remove(beginning, error);
+  remove_gpkg(beginning);
   return complain({"cannot write " + path + ": " + reason}, kExitFailure);
 }
 

@@ -161,6 +161,14 @@ std::string json_of(const wire::EpochChange& change) {
       .done();
 }
 
+std::string json_of(const wire::CommandResult& result) {
+  return Object()
+      .text("type", "command_result")
+      .text("text", result.text)
+      .count("durable_seq", result.durable_seq)
+      .done();
+}
+
 std::string json_of(const wire::Pose& pose) {
   return Object()
       .text("type", "pose")

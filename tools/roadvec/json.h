@@ -12,5 +12,6 @@ namespace roadvec {
 [[nodiscard]] std::string json_of(const wire::Delta& delta);
 [[nodiscard]] std::string json_of(const wire::EpochChange& change);
 [[nodiscard]] std::string json_of(const wire::Pose& pose);
+[[nodiscard]] std::string json_of(const wire::CommandResult& result);
 
 }  // namespace roadvec

@@ -21,7 +21,7 @@ COMMANDS IN SHORT
   roadvec export lanelet2 -o map.osm --map /var/lib/roadvec/map.gpkg
   roadvec render -o map.svg
   sudo roadvec control save          wait until all changes so far are on disk
-  sudo roadvec control new-map       forget the map and begin an empty one
+  sudo roadvec control new-map       let go of the map, which stays on disk, and begin an empty one
 
 EXIT STATUS
   0  done
@@ -137,7 +137,8 @@ int main(int argc, char** argv) try {
   };
   CLI::App* save = control->add_subcommand("save", "wait until all changes so far are on disk");
   save->callback([command] { command({roadvec::wire::Save{}, std::nullopt, std::nullopt}); });
-  CLI::App* new_map = control->add_subcommand("new-map", "forget the map and begin an empty one where the vehicle is");
+  CLI::App* new_map = control->add_subcommand(
+      "new-map", "let go of the map, which stays in map.gpkg, and begin an empty one where the vehicle is");
   new_map->callback([command] { command({std::nullopt, roadvec::wire::NewMap{}, std::nullopt}); });
 
   CLI::App* render = app.add_subcommand("render", "a picture (SVG) of the whole map");

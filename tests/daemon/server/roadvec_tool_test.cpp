@@ -27,6 +27,15 @@ class RoadvecToolTest : public MapSocket {
     result.exit_status = WEXITSTATUS(::pclose(pipe));
     return result;
   }
+  /// Until the server has all of it.
+  void serve_a_map() {
+    start();
+    publish(130);
+    wire::MapReplica replica;
+    MapClient client = connect();
+    ASSERT_TRUE(client.send(wire::Subscribe{}));
+    follow(client, replica, head_seq());
+  }
 };
 
 TEST_F(RoadvecToolTest, says_with_its_exit_status_what_went_wrong) {
@@ -65,16 +74,18 @@ TEST_F(RoadvecToolTest, prints_status_tiles_and_changes) {
 }
 
 TEST_F(RoadvecToolTest, exports_in_every_format_and_the_file_says_the_same_as_the_daemon) {
-  start();
-  publish(130);
-  wire::MapReplica replica;
-  MapClient client = connect();
-  ASSERT_TRUE(client.send(wire::Subscribe{}));
-  follow(client, replica, head_seq());
+  serve_a_map();
   const std::string file = (folder_ / "map.gpkg").string();
   EXPECT_EQ(run("export gpkg -o -").exit_status, 2);
   ASSERT_EQ(run("export gpkg -o " + file).exit_status, 0);
   EXPECT_EQ(run("export lanelet2").output, lanelet2_of(story_.map(), *config_.facts.anchor));
+  std::ofstream(folder_ / "used.gpkg-wal") << "somebody's";
+  const Result in_use = run("export gpkg -o " + (folder_ / "used.gpkg").string());
+  EXPECT_EQ(in_use.exit_status, 1);
+  EXPECT_THAT(in_use.output, HasSubstr("is in use"));
+  std::ofstream(folder_ / "second.gpkg.part-wal") << "left by an export that was killed";
+  EXPECT_EQ(run("export gpkg -o " + (folder_ / "second.gpkg").string()).exit_status, 0);
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "second.gpkg.part-wal"));
   stop();
   EXPECT_EQ(run("export lanelet2 --map " + file).output, lanelet2_of(story_.map(), *config_.facts.anchor));
   EXPECT_THAT(run("export geojson --map " + file).output, HasSubstr("\"kind\":\"curb\""));
@@ -87,12 +98,7 @@ TEST_F(RoadvecToolTest, exports_in_every_format_and_the_file_says_the_same_as_th
 }
 
 TEST_F(RoadvecToolTest, exports_the_same_geojson_as_the_daemon_and_draws_it) {
-  start();
-  publish(130);
-  wire::MapReplica replica;
-  MapClient client = connect();
-  ASSERT_TRUE(client.send(wire::Subscribe{}));
-  follow(client, replica, head_seq());
+  serve_a_map();
   const std::string path = (folder_ / "map.geojson").string();
   ASSERT_EQ(run("export geojson -o " + path).exit_status, 0);
   std::ostringstream text;

@@ -179,6 +179,18 @@ TEST(SweepAssembler, keeps_a_sweep_together_when_packets_only_arrive_late) {
   EXPECT_EQ(road.counts().device_time_gaps, 0U);
 }
 
+TEST(SweepAssembler, ends_a_sweep_early_when_the_hosts_clock_leaps) {
+  Road road;
+  road.drive(3 * kPacketsPerTurn, [](int i, RawPacket& packet) {
+    if (i >= 400) packet.arrived = packet.arrived + 1'000'000'000;
+    return true;
+  });
+  road.driver.finish();
+  EXPECT_THAT(road.complete(), testing::ElementsAre(false, false, false, true, false));
+  EXPECT_LT(road.sink.sweeps[1].end - road.sink.sweeps[1].start, 96'000'000);
+  EXPECT_EQ(road.counts().clock_steps, 1U);
+}
+
 TEST(SweepAssembler, goes_on_when_the_hosts_clock_is_set_back) {
   Road road;
   road.drive(6 * kPacketsPerTurn, [](int i, RawPacket& packet) {
