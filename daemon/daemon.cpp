@@ -31,6 +31,33 @@ MapHead first_head(InputKind kind, const Pose2& T_map_odom) {
   return {kind == InputKind::recorded ? 1 : chance, 0, T_map_odom};
 }
 
+/// The map that a live drive goes on with. A file that cannot be read is the store's matter: it says so, and what then
+/// becomes of it.
+std::optional<EarlierPart> earlier_part(const Settings& settings, InputKind kind) {
+  if (kind == InputKind::recorded || !settings.storage.resume) return std::nullopt;
+  const std::filesystem::path file = settings.storage.directory / "map.gpkg";
+  std::error_code error;
+  auto written = std::filesystem::last_write_time(file, error);
+  if (error) return std::nullopt;
+  const auto log_written = std::filesystem::last_write_time(file.string() + "-wal", error);
+  if (!error) written = std::max(written, log_written);
+  const auto pause =
+      std::chrono::duration_cast<std::chrono::seconds>(std::filesystem::file_time_type::clock::now() - written);
+  Stored<std::optional<EarlierPart>> found = find_earlier_part(file, anchor_of(settings), pause);
+  if (!found) {
+    spdlog::warn("the map in {} is not gone on with: {}", file.string(), found.error().text);
+    return std::nullopt;
+  }
+  if (!*found) {
+    spdlog::info("no drive in {} came by here; a map of its own is begun", file.string());
+  } else {
+    spdlog::info(
+        "part {} of {} came by here, {} keyframes; it is gone on with as soon as the vehicle has found itself in it",
+        (*found)->part.number, file.string(), (*found)->drive.keyframes.size());
+  }
+  return std::move(*found);
+}
+
 }  // namespace
 
 Daemon::Daemon(const Settings& settings, InputKind kind, Service& service, const PassedSockets& sockets)
@@ -47,13 +74,21 @@ Daemon::Daemon(const Settings& settings, InputKind kind, Service& service, const
   if (!settings_.anchor) settings_.anchor = or_throw(anchor_from_gps(lidar, kind, service));
   VehicleInput vehicle = or_throw(open_vehicle(settings_, kind, sockets));
   imu_device_ = vehicle.imu_device;
-  const Pose2 T_map_odom_start{0, 0, rad_from_deg(settings_.anchor->yaw_deg)};
+  std::optional<EarlierPart> earlier = earlier_part(settings_, kind);
+  Pose2 T_map_odom_start{0, 0, rad_from_deg(settings_.anchor->yaw_deg)};
+  if (earlier) {
+    const Anchor& anchor = earlier->part.anchor;
+    settings_.anchor = {anchor.latitude_deg, anchor.longitude_deg, anchor.height_m, anchor.yaw_deg};
+    T_map_odom_start = earlier->drive.guesses.front().T_map_odom;
+  }
   const MapHead head = first_head(kind, T_map_odom_start);
   lidar_.emplace(std::move(lidar.source), lidar.model, lidar.calibration, lidar.options, lidar_counters_, sweeps_);
   vehicle_.emplace(std::move(vehicle.inputs), motion_);
   mapping_.emplace(settings_.pipeline, front_end_setup(settings_, lidar.model), sweeps_, motion_, mapping_bell_,
                    keyframes_, poses_);
-  optimiser_.emplace(settings_.pipeline, T_map_odom_start, keyframes_, optimiser_bell_, frames_, head);
+  optimiser_.emplace(settings_.pipeline, keyframes_, optimiser_bell_, frames_, head,
+                     kind == InputKind::live ? &journal_ : nullptr);
+  if (earlier) optimiser_->recall(earlier->drive);
   if (kind == InputKind::recorded) return;
   MapServerConfig server;
   server.socket_path = settings_.server.socket;
@@ -72,8 +107,9 @@ Daemon::Daemon(const Settings& settings, InputKind kind, Service& service, const
   store_.emplace(MapStoreConfig{.directory = settings_.storage.directory,
                                 .batch_interval = std::chrono::duration<double>(settings_.storage.batch_s),
                                 .start = head,
-                                .anchor = server.facts.anchor.value()},
-                 frames_);
+                                .anchor = server.facts.anchor.value(),
+                                .earlier = std::move(earlier)},
+                 frames_, journal_);
 }
 
 int Daemon::run(const std::optional<std::filesystem::path>& output, const std::function<void()>& reload) {

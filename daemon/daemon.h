@@ -25,6 +25,7 @@ namespace roadvec {
 /// The wiring: every ring, stage and thread.
 ///
 ///   lidar   --sweeps--> mapping --keyframes--> optimiser --frames--> server, store (live)
+///                                                        --journal---------> store
 ///   vehicle --motion--> mapping --pose-------------------------------> server
 ///
 /// Nothing flows back. The main thread reads counters, tells systemd and the log, and stops the rest: inputs first,
@@ -68,6 +69,7 @@ class Daemon {
   KeyframeChannel keyframes_;
   Latest<PoseReport> poses_;
   FrameLog frames_;
+  DriveJournal journal_;
 
   LidarCounters lidar_counters_;
   std::optional<LidarStage> lidar_;

@@ -178,12 +178,14 @@ wire::Stage Daemon::mapping_status() const {
 }
 
 wire::Stage Daemon::optimiser_status() const {
-  wire::Stage stage{.name = "optimiser",
-                    .state = map_finished_ ? "finished" : "running",
-                    .counters = {},
-                    .gauges = {},
-                    .timings = {}};
   const BackEndReport& report = optimiser_report_.back_end;
+  const char* const running = report.found_itself ? "running" : "running; has not found itself in the stored map yet";
+  wire::Stage stage{
+      .name = "optimiser", .state = map_finished_ ? "finished" : running, .counters = {}, .gauges = {}, .timings = {}};
+  if (report.recalled_keyframe_count > 0) {
+    stage.gauges = {{"recalled_keyframes", static_cast<double>(report.recalled_keyframe_count)},
+                    {"searched_m", report.searched_m}};
+  }
   stage.counters = {{"keyframes", report.keyframe_count},
                     {"loop_attempts", report.loops.attempt_count},
                     {"loop_no_candidate", report.loops.no_candidate_count},

@@ -8,7 +8,11 @@ roadvec_test(core_graph tests/core/graph LINKS core_graph)
 roadvec_test(core_pipeline tests/core/pipeline LINKS core_pipeline)
 roadvec_test(core_wire tests/core/wire LINKS core_wire)
 
+# Kilometres: only without sanitizers.
+roadvec_test(long_drive tests/long_drive LINKS core_pipeline)
+
 roadvec_fuzz(wire LINKS core_wire)
+roadvec_fuzz(packed_lines LINKS core_map)
 
 roadvec_bench(odometry LINKS core_odometry)
 roadvec_bench(boundary LINKS core_boundary)

@@ -22,7 +22,7 @@ ALLOWED = {
     "daemon/store": ["core", "daemon/server", "daemon/store"],
     "daemon/config": ["core", "drivers", "daemon/config"],
     "daemon/server": ["core", "daemon/server"],
-    "daemon/stages": ["core", "drivers", "daemon/config", "daemon/server", "daemon/stages"],
+    "daemon/stages": ["core", "drivers", "daemon/config", "daemon/server", "daemon/stages", "daemon/store"],
     "daemon": ["core", "drivers", "daemon"],
     "tools": ["core", "drivers", "daemon", "tools"],
     "tests": ["core", "drivers", "daemon", "tools", "tests"],

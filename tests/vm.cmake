@@ -3,6 +3,7 @@ if(NOT ROADVEC_FUZZ AND NOT ROADVEC_SANITIZE)
   add_executable(test_vm_can EXCLUDE_FROM_ALL ${CMAKE_SOURCE_DIR}/tests/vm/socketcan_test.cpp)
   target_link_libraries(test_vm_can PRIVATE drivers_can GTest::gmock GTest::gtest_main)
   add_dependencies(unit_tests test_vm_can)
+  add_dependencies(other_tests test_vm_can)
   add_test(NAME vm.can COMMAND ${CMAKE_SOURCE_DIR}/tests/vm/run.sh -c -t 400
     sh -c "${CMAKE_RUNTIME_OUTPUT_DIRECTORY}/test_vm_can && exec python3 -B ${CMAKE_SOURCE_DIR}/tests/vm/can_test.py")
   set_tests_properties(vm.can PROPERTIES LABELS vm TIMEOUT 450 COST 200 FIXTURES_REQUIRED test_drive

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -19,6 +20,9 @@ constexpr double kHeadingStart_rad = 0.09;  // 5 deg: half of what the matcher t
 // Stands for "not observed" where an information matrix must be inverted: 100 m, 1 rad.
 const Eigen::Vector3d kNoInformation(1e-4, 1e-4, 1.0);
 
+// Looking around for an earlier drive: 30 m to each side. A crossing looks like the next, but for a quarter of it.
+constexpr int kWideStartsPerSide = 15;
+constexpr double kWideStartSpacing_m = 2.0, kWideOverlap = 0.7;
 constexpr double kFullInformation = 1.0;  // weakest direction known to a metre or better
 
 std::pair<int, int> cell_of(const Pose2& pose) {
@@ -52,6 +56,11 @@ LoopCloser::LoopCloser(const CloseLoopConfig& config, const MatchConfig& match_c
       floor_rad * floor_rad;
 }
 
+bool is_full(const PoseEdge& loop) {
+  const Eigen::LLT<Eigen::Matrix3d> more(loop.information - kFullInformation * Eigen::Matrix3d::Identity());
+  return more.info() == Eigen::Success;
+}
+
 const std::vector<PoseEdge>& LoopCloser::run(const PoseGraph& graph, std::span<const KeptKeyframe> keyframes) {
   confirmed_.clear();
   const std::size_t newest = graph.poses_map.size() - 1;
@@ -61,12 +70,21 @@ const std::vector<PoseEdge>& LoopCloser::run(const PoseGraph& graph, std::span<c
   if (here_m - last_attempt_m_ < (is_sure ? config_.sure_every_m : config_.every_m)) return confirmed_;
   last_attempt_m_ = here_m;
   ++report_.attempt_count;
-  const std::optional<std::size_t> candidate = nearest_candidate(graph);
-  if (!candidate) {
+  const Pose2& here = graph.poses_map[newest];
+  const std::optional<std::size_t> candidate = nearest_candidate(graph, here, {first_candidate_, newest});
+  PoseCovariance covariance;
+  double radius_m = 0;
+  if (candidate) {
+    covariance = relative_covariance(graph, *candidate, newest);
+    radius_m = config_.radius_m + 3.0 * std::sqrt(std::max(0.0, covariance(0, 0) + covariance(1, 1)));
+  }
+  if (!candidate || (graph.poses_map[*candidate].translation() - here.translation()).norm() > radius_m) {
     ++report_.no_candidate_count;
     return confirmed_;
   }
-  const std::optional<PoseEdge> edge = match_with(*candidate, graph, keyframes);
+  const std::optional<PoseEdge> edge =
+      match_with(*candidate, graph.poses_map[*candidate].inverse() * here, covariance,
+                 {config_.max_starts_per_side, config_.start_spacing_m, config_.min_overlap}, graph, keyframes);
   if (!edge) return confirmed_;
   std::erase_if(pending_,
                 [&](const Pending& p) { return graph.travelled_m[newest] - p.travelled_m > config_.window_m; });
@@ -74,6 +92,22 @@ const std::vector<PoseEdge>& LoopCloser::run(const PoseGraph& graph, std::span<c
   ++report_.waiting_count;
   confirm(graph);
   return confirmed_;
+}
+
+void LoopCloser::recall(const PoseGraph& graph) {
+  poses_changed(graph, 0);
+  first_candidate_ = graph.poses_map.size();
+}
+
+std::optional<PoseEdge> LoopCloser::look_around(const PoseGraph& graph, std::span<const KeptKeyframe> keyframes,
+                                                const Pose2& T_map_vehicle, const PoseCovariance& covariance) {
+  const std::optional<std::size_t> candidate = nearest_candidate(graph, T_map_vehicle, {0, first_candidate_});
+  if (!candidate) return std::nullopt;
+  const Pose2 guess = graph.poses_map[*candidate].inverse() * T_map_vehicle;
+  Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
+  axes.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(guess.theta_rad).toRotationMatrix();
+  return match_with(*candidate, guess, axes * covariance * axes.transpose(),
+                    {kWideStartsPerSide, kWideStartSpacing_m, kWideOverlap}, graph, keyframes);
 }
 
 void LoopCloser::poses_changed(const PoseGraph& graph, std::size_t first) {
@@ -85,8 +119,7 @@ void LoopCloser::poses_changed(const PoseGraph& graph, std::size_t first) {
   for (std::size_t k = first; k < graph.poses_map.size(); ++k) enter(graph, k);
   last_full_loop_.reset();
   for (auto loop = graph.loops.rbegin(); loop != graph.loops.rend() && !last_full_loop_; ++loop) {
-    const Eigen::LLT<Eigen::Matrix3d> more(loop->edge.information - kFullInformation * Eigen::Matrix3d::Identity());
-    if (loop->active && more.info() == Eigen::Success) last_full_loop_ = loop->edge;
+    if (loop->active && is_full(loop->edge)) last_full_loop_ = loop->edge;
   }
 }
 
@@ -132,9 +165,8 @@ PoseCovariance LoopCloser::relative_covariance(const PoseGraph& graph, std::size
   return M * twist * M.transpose();
 }
 
-std::optional<std::size_t> LoopCloser::nearest_candidate(const PoseGraph& graph) {
+std::optional<std::size_t> LoopCloser::nearest_candidate(const PoseGraph& graph, const Pose2& here, Range among) {
   const std::size_t newest = graph.poses_map.size() - 1;
-  const Pose2& here = graph.poses_map[newest];
   const auto [column, row] = cell_of(here);
   const int reach = static_cast<int>(std::ceil(config_.max_radius_m / kCell_m));
   std::optional<std::size_t> best;
@@ -145,6 +177,7 @@ std::optional<std::size_t> LoopCloser::nearest_candidate(const PoseGraph& graph)
       if (cell == cells_.end()) continue;
       report_.looked_at_count += cell->second.size();
       for (const std::size_t k : cell->second) {
+        if (k < among.first || k >= among.end) continue;
         if (graph.travelled_m[newest] - graph.travelled_m[k] < config_.min_gap_m) continue;
         const double distance_m = (graph.poses_map[k].translation() - here.translation()).norm();
         if (distance_m < best_m || (distance_m == best_m && best && k < *best)) {
@@ -154,10 +187,7 @@ std::optional<std::size_t> LoopCloser::nearest_candidate(const PoseGraph& graph)
       }
     }
   }
-  if (!best) return best;
-  const PoseCovariance covariance = relative_covariance(graph, *best, newest);
-  const double radius_m = config_.radius_m + 3.0 * std::sqrt(std::max(0.0, covariance(0, 0) + covariance(1, 1)));
-  return best_m <= radius_m ? best : std::nullopt;
+  return best;
 }
 
 /// The candidate's lines and those of the keyframes around it, in the candidate's frame.
@@ -177,8 +207,10 @@ void LoopCloser::collect_reference(std::size_t candidate, const PoseGraph& graph
   }
 }
 
-std::optional<PoseEdge> LoopCloser::match_with(std::size_t candidate, const PoseGraph& graph,
-                                               std::span<const KeptKeyframe> keyframes) {
+/// `guess`: T_candidate_newest; `covariance`: its, in the candidate's frame.
+std::optional<PoseEdge> LoopCloser::match_with(std::size_t candidate, const Pose2& guess,
+                                               const PoseCovariance& covariance, const Effort& effort,
+                                               const PoseGraph& graph, std::span<const KeptKeyframe> keyframes) {
   const std::size_t newest = graph.poses_map.size() - 1;
   collect_reference(candidate, graph, keyframes);
   matcher_.set_reference(reference_);
@@ -186,9 +218,7 @@ std::optional<PoseEdge> LoopCloser::match_with(std::size_t candidate, const Pose
   keyframes[newest].lvm.append_to(unregistered_);
   keyframes[newest].structure.append_to(unregistered_);
 
-  const Pose2 guess = graph.poses_map[candidate].inverse() * graph.poses_map[newest];
-  const PoseCovariance covariance = relative_covariance(graph, candidate, newest);
-  const std::optional<Match> match = best_match(guess, covariance);
+  const std::optional<Match> match = best_match(guess, covariance, effort);
   if (!match) return std::nullopt;
   const PoseCovariance loop_covariance = inverse_of(match->information) + floor_;
   const Eigen::Vector3d off(match->pose.x_m - guess.x_m, match->pose.y_m - guess.y_m,
@@ -204,12 +234,12 @@ std::optional<PoseEdge> LoopCloser::match_with(std::size_t candidate, const Pose
 }
 
 /// The guess, and around it a raster over 3 sigma along the principal directions of its uncertainty.
-std::vector<Pose2> LoopCloser::starts(const Pose2& guess, const PoseCovariance& covariance) const {
+std::vector<Pose2> LoopCloser::starts(const Pose2& guess, const PoseCovariance& covariance, const Effort& effort) {
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> principal;
   principal.computeDirect(covariance.block<2, 2>(0, 0));
   const auto count_for = [&](double variance_m2) {
     const double reach_m = 3.0 * std::sqrt(std::max(0.0, variance_m2));
-    return std::min(config_.max_starts_per_side, static_cast<int>(reach_m / config_.start_spacing_m));
+    return std::min(effort.most_starts_per_side, static_cast<int>(reach_m / effort.start_spacing_m));
   };
   const int along_count = count_for(principal.eigenvalues()(1)), across_count = count_for(principal.eigenvalues()(0));
   const int turn_count = 3.0 * std::sqrt(std::max(0.0, covariance(2, 2))) > kHeadingStart_rad ? 1 : 0;
@@ -218,8 +248,8 @@ std::vector<Pose2> LoopCloser::starts(const Pose2& guess, const PoseCovariance& 
     for (int along = -along_count; along <= along_count; ++along) {
       for (int across = -across_count; across <= across_count; ++across) {
         const Eigen::Vector2d t =
-            guess.translation() + config_.start_spacing_m * (along * principal.eigenvectors().col(1) +
-                                                             across * principal.eigenvectors().col(0));
+            guess.translation() + effort.start_spacing_m * (along * principal.eigenvectors().col(1) +
+                                                            across * principal.eigenvectors().col(0));
         poses.push_back({t.x(), t.y(), wrap_rad(guess.theta_rad + turn * kHeadingStart_rad)});
       }
     }
@@ -228,19 +258,20 @@ std::vector<Pose2> LoopCloser::starts(const Pose2& guess, const PoseCovariance& 
 }
 
 /// The best answer of all starts, unless a different one is about as good.
-std::optional<Match> LoopCloser::best_match(const Pose2& guess, const PoseCovariance& covariance) {
+std::optional<Match> LoopCloser::best_match(const Pose2& guess, const PoseCovariance& covariance,
+                                            const Effort& effort) {
   const PoseCovariance no_prior = Eigen::Vector3d(1e4, 1e4, 1e2).asDiagonal();
   std::vector<Match> found;
   MatchVerdict verdict = MatchVerdict::too_few_lines;
   double best_overlap = -1;
-  for (const Pose2& start : starts(guess, covariance)) {
+  for (const Pose2& start : starts(guess, covariance, effort)) {
     const Match& match = matcher_.run(unregistered_, start, no_prior);
-    const bool fits = match.overlap >= config_.min_overlap && match.rms_m <= config_.max_rms_m;
+    const bool fits = match.overlap >= effort.min_overlap && match.rms_m <= config_.max_rms_m;
     if (match.usable() && fits) found.push_back(match);
     if (match.overlap > best_overlap) {
       best_overlap = match.overlap;
       verdict = match.verdict;
-      if (match.usable() && match.overlap < config_.min_overlap) verdict = MatchVerdict::poor_overlap;
+      if (match.usable() && match.overlap < effort.min_overlap) verdict = MatchVerdict::poor_overlap;
       if (match.usable() && match.rms_m > config_.max_rms_m) verdict = MatchVerdict::poor_fit;
     }
   }
@@ -278,7 +309,6 @@ void LoopCloser::count(MatchVerdict verdict) {
   }
 }
 
-/// Whether two loops say the same: a's answer, carried along the odometry of both passes, is b's.
 bool LoopCloser::agree(const PoseGraph& graph, const PoseEdge& a, const PoseEdge& b) const {
   const Pose2 T_b_a = graph.poses_map[b.from].inverse() * graph.poses_map[a.from];
   const Pose2 T_from_a_to_b = graph.poses_map[a.to].inverse() * graph.poses_map[b.to];

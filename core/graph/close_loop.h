@@ -68,6 +68,9 @@ struct CloseLoopReport {
   std::uint64_t waiting_count = 0, accepted_count = 0;
 };
 
+/// Whether it was measured in every direction, to a metre or better.
+[[nodiscard]] bool is_full(const PoseEdge& loop);
+
 /// Step 7, close loops: finds where the vehicle is back at a place it has mapped, by matching local vector maps
 /// [He2018, III-D].
 ///
@@ -85,6 +88,19 @@ class LoopCloser {
   void poses_changed(const PoseGraph& graph, std::size_t first);
   [[nodiscard]] const CloseLoopReport& report() const { return report_; }
 
+  // Of an earlier drive:
+
+  /// Enters its keyframes, all that the graph has; run() looks for loops among those that come after them, until
+  /// found_itself().
+  void recall(const PoseGraph& graph);
+  void found_itself() { first_candidate_ = 0; }
+  /// The loop between the newest keyframe and the earlier drive if the vehicle is at about `T_map_vehicle`, as surely
+  /// as `covariance` says in the vehicle's axes, and up to 30 m away. Takes a hundred times as long as run().
+  std::optional<PoseEdge> look_around(const PoseGraph& graph, std::span<const KeptKeyframe> keyframes,
+                                      const Pose2& T_map_vehicle, const PoseCovariance& covariance);
+  /// Whether two loops say the same: a's answer, carried along the odometry of both passes, is b's.
+  [[nodiscard]] bool agree(const PoseGraph& graph, const PoseEdge& a, const PoseEdge& b) const;
+
  private:
   struct Pending {
     PoseEdge edge;
@@ -94,14 +110,23 @@ class LoopCloser {
   void enter(const PoseGraph& graph, std::size_t keyframe);
   [[nodiscard]] PoseCovariance chain_covariance(std::size_t from, std::size_t to) const;
   [[nodiscard]] PoseCovariance relative_covariance(const PoseGraph& graph, std::size_t from, std::size_t to) const;
-  [[nodiscard]] std::optional<std::size_t> nearest_candidate(const PoseGraph& graph);
-  std::optional<PoseEdge> match_with(std::size_t candidate, const PoseGraph& graph,
+  struct Range {
+    std::size_t first, end;
+  };
+  [[nodiscard]] std::optional<std::size_t> nearest_candidate(const PoseGraph& graph, const Pose2& here, Range among);
+  /// How far around a guess is looked, and what then counts.
+  struct Effort {
+    int most_starts_per_side;
+    double start_spacing_m, min_overlap;
+  };
+  std::optional<PoseEdge> match_with(std::size_t candidate, const Pose2& guess, const PoseCovariance& covariance,
+                                     const Effort& effort, const PoseGraph& graph,
                                      std::span<const KeptKeyframe> keyframes);
   void collect_reference(std::size_t candidate, const PoseGraph& graph, std::span<const KeptKeyframe> keyframes);
-  [[nodiscard]] std::vector<Pose2> starts(const Pose2& guess, const PoseCovariance& covariance) const;
-  std::optional<Match> best_match(const Pose2& guess, const PoseCovariance& covariance);
+  [[nodiscard]] static std::vector<Pose2> starts(const Pose2& guess, const PoseCovariance& covariance,
+                                                 const Effort& effort);
+  std::optional<Match> best_match(const Pose2& guess, const PoseCovariance& covariance, const Effort& effort);
   void count(MatchVerdict verdict);
-  [[nodiscard]] bool agree(const PoseGraph& graph, const PoseEdge& a, const PoseEdge& b) const;
   void confirm(const PoseGraph& graph);
 
   CloseLoopConfig config_;
@@ -116,6 +141,7 @@ class LoopCloser {
   std::vector<PoseEdge> confirmed_;
   std::optional<PoseEdge> last_full_loop_;  ///< newest in the poses that observed every direction
   double last_attempt_m_ = -1e9, last_confirmed_m_ = -1e9;
+  std::size_t first_candidate_ = 0;
   CloseLoopReport report_;
 };
 

@@ -3,10 +3,12 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <set>
 #include <utility>
 
 #include "core/base/ensure.h"
+#include "core/base/square.h"
 
 namespace roadvec {
 namespace {
@@ -16,6 +18,8 @@ constexpr double kJump_m = 1e-4;
 // When the map is derived again, what moved by this share of the shift that calls for it is taken along.
 constexpr double kMovedShare = 0.2;
 constexpr double kJumpLeverage_m = 20.0;  // a turn counts at the distance of the lines it moves
+constexpr double kAnywhere_m = 1000.0;
+constexpr std::size_t kRecalledAtOnce = 25;  // keyframes: choice, as much work again as a closure's
 
 double shift_m(const Pose2& from, const Pose2& to) {
   return (to.translation() - from.translation()).norm() +
@@ -41,6 +45,23 @@ BackEnd::BackEnd(const PipelineConfig& config, const Pose2& T_map_odom_start, St
       concatenator_(config.concatenate),
       T_map_odom_(T_map_odom_start) {}
 
+void BackEnd::recall(Recollection recollection) {
+  ENSURE(keyframes_.empty() && !recollection.keyframes.empty() && !recollection.guesses.empty());
+  graph_ = std::move(recollection.graph);
+  keyframes_ = std::move(recollection.keyframes);
+  recalled_count_ = keyframes_.size();
+  mapped_poses_.resize(recalled_count_);
+  first_lagging_ = recalled_count_;
+  // Kept poses are those of their time: what later loops moved is solved for again.
+  if (!graph_.loops.empty()) optimiser_.run(graph_, 1);
+  loop_closer_.recall(graph_);
+  T_map_odom_ = recollection.guesses.front().T_map_odom;
+  self_finder_.emplace(recollection.guesses);
+  last_closure_m_ = last_whole_m_ = last_rederived_m_ = graph_.travelled_m.back() + config_.close_loop.min_gap_m;
+  report_.recalled_keyframe_count = recalled_count_;
+  report_.found_itself = false;
+}
+
 const MapChange& BackEnd::add(const Keyframe& keyframe) {
   probe_.begin();
   take(keyframe);
@@ -48,10 +69,12 @@ const MapChange& BackEnd::add(const Keyframe& keyframe) {
   probe_.done(Step::close_loop);
 
   optimise_for(loops);  // 8 optimise
+  if (self_finder_) find_itself();
   probe_.done(Step::optimise);
 
   if (due_again()) rederive();  // 9 concatenate
-  mapped_poses_.push_back(graph_.poses_map.back());
+  recall_lines(kRecalledAtOnce);
+  mapped_poses_.emplace_back(graph_.poses_map.back());
   concatenate(keyframes_.size() - 1);
   concatenator_.publish(false, change_);
   probe_.done(Step::concatenate);
@@ -68,6 +91,7 @@ const MapChange& BackEnd::finish() {
   if (unsolved_loops_ || last_whole_m_ < last_closure_m_) optimise(true);
   probe_.done(Step::optimise);
   if (map_lag_m_ > config_.optimise.rederive_shift_m) rederive();
+  recall_lines(to_recall_.size());
   concatenator_.publish(true, change_);
   probe_.done(Step::concatenate);
   count_changes();
@@ -75,15 +99,20 @@ const MapChange& BackEnd::finish() {
 }
 
 void BackEnd::take(const Keyframe& keyframe) {
-  ENSURE(keyframe.index == first_keyframe_ + keyframes_.size());
+  const std::size_t newest = keyframes_.size();
+  ENSURE(keyframe.index == first_keyframe_ + newest - recalled_count_);
   const Pose2 T_map_vehicle = T_map_odom_ * keyframe.T_odom_vehicle;
-  if (!keyframes_.empty()) {
+  if (newest > recalled_count_) {
     const Pose2 step = keyframes_.back().T_odom_vehicle.inverse() * keyframe.T_odom_vehicle;
-    graph_.odometry.push_back(
-        {keyframes_.size() - 1, keyframes_.size(), step, information_of(keyframe.covariance_since_previous)});
+    graph_.odometry.push_back({newest - 1, newest, step, information_of(keyframe.covariance_since_previous)});
+  } else if (newest > 0) {
+    graph_.odometry.push_back(link_to(T_map_vehicle));
   }
   graph_.poses_map.push_back(T_map_vehicle);
-  graph_.travelled_m.push_back(keyframe.travelled_m);
+  // The earlier drive counts as left behind.
+  const double before_m =
+      recalled_count_ == 0 ? 0 : graph_.travelled_m[recalled_count_ - 1] + config_.close_loop.min_gap_m;
+  graph_.travelled_m.push_back(before_m + keyframe.travelled_m);
   keyframes_.push_back(
       {keyframe.time, keyframe.T_odom_vehicle, PackedLines(keyframe.lvm), PackedLines(keyframe.structure)});
   trajectory_.push_back({keyframe.time, T_map_vehicle});
@@ -91,6 +120,46 @@ void BackEnd::take(const Keyframe& keyframe) {
   change_ = MapChange{};
   change_.time = keyframe.time;
   change_.T_map_odom = T_map_odom_;
+}
+
+/// From the last keyframe of the earlier drive to the first of this one: nothing was measured.
+PoseEdge BackEnd::link_to(const Pose2& T_map_vehicle) const {
+  const std::size_t last = recalled_count_ - 1;
+  const PoseCovariance anywhere = Eigen::Vector3d(square(kAnywhere_m), square(kAnywhere_m), 1).asDiagonal();
+  return {last, recalled_count_, graph_.poses_map[last].inverse() * T_map_vehicle, information_of(anywhere)};
+}
+
+/// Puts the new drive where loops to the earlier one say that it is.
+void BackEnd::find_itself() {
+  const std::vector<PoseEdge> loops = self_finder_->run(loop_closer_, graph_, keyframes_);
+  report_.searched_m = self_finder_->searched_m();
+  if (loops.empty()) return;
+  const PoseEdge& loop = *std::ranges::find_if(loops, [](const PoseEdge& edge) { return is_full(edge); });
+  const Pose2 move = graph_.poses_map[loop.from] * loop.T_from_to * graph_.poses_map[loop.to].inverse();
+  for (std::size_t k = recalled_count_; k < graph_.poses_map.size(); ++k) {
+    graph_.poses_map[k] = move * graph_.poses_map[k];
+  }
+  graph_.odometry[recalled_count_ - 1] = link_to(graph_.poses_map[recalled_count_]);
+  for (const PoseEdge& edge : loops) graph_.loops.push_back({edge, true});
+  loop_closer_.found_itself();
+  follow_poses(recalled_count_);
+  optimise(false);
+  self_finder_.reset();
+  report_.found_itself = true;
+  const Eigen::Vector2d here = graph_.poses_map.back().translation();
+  for (std::size_t k = 0; k < recalled_count_; ++k) to_recall_.push_back(k);
+  std::ranges::stable_sort(to_recall_, std::greater{},
+                           [&](std::size_t k) { return (graph_.poses_map[k].translation() - here).norm(); });
+}
+
+/// Lines of the earlier drive into the map, of so many keyframes.
+void BackEnd::recall_lines(std::size_t most) {
+  for (std::size_t i = std::min(most, to_recall_.size()); i > 0; --i) {
+    const std::size_t k = to_recall_.back();
+    to_recall_.pop_back();
+    mapped_poses_[k] = graph_.poses_map[k];
+    concatenate(k);
+  }
 }
 
 /// Solves when a new loop says something the poses do not say already; else it waits for the next that does.
@@ -132,11 +201,13 @@ std::size_t BackEnd::first_to_move() const {
 
 void BackEnd::follow_poses(std::size_t first) {
   loop_closer_.poses_changed(graph_, first);
-  for (std::size_t k = first; k < trajectory_.size(); ++k) trajectory_[k].T_map_vehicle = graph_.poses_map[k];
+  for (std::size_t k = std::max(first, recalled_count_); k < graph_.poses_map.size(); ++k) {
+    trajectory_[k - recalled_count_].T_map_vehicle = graph_.poses_map[k];
+  }
   first_lagging_ = std::min(first_lagging_, first);
   map_lag_m_ = 0;
   for (std::size_t k = first_lagging_; k < mapped_poses_.size(); ++k) {
-    map_lag_m_ = std::max(map_lag_m_, shift_m(mapped_poses_[k], graph_.poses_map[k]));
+    if (mapped_poses_[k]) map_lag_m_ = std::max(map_lag_m_, shift_m(*mapped_poses_[k], graph_.poses_map[k]));
   }
   const Pose2 corrected = graph_.poses_map.back() * keyframes_.back().T_odom_vehicle.inverse();
   const Pose2& here_odom = keyframes_.back().T_odom_vehicle;
@@ -155,10 +226,11 @@ bool BackEnd::due_again() const {
 void BackEnd::rederive() {
   std::set<std::uint64_t> moved;
   for (std::size_t k = first_lagging_; k < mapped_poses_.size(); ++k) {
-    if (shift_m(mapped_poses_[k], graph_.poses_map[k]) <= kMovedShare * config_.optimise.rederive_shift_m) continue;
+    if (!mapped_poses_[k]) continue;
+    if (shift_m(*mapped_poses_[k], graph_.poses_map[k]) <= kMovedShare * config_.optimise.rederive_shift_m) continue;
     moved.insert(k);
     unpack(k);
-    concatenator_.withdraw(k, lvm_, mapped_poses_[k]);
+    concatenator_.withdraw(k, lvm_, *mapped_poses_[k]);
   }
   std::set<std::uint64_t> again = concatenator_.forget();
   again.insert(moved.begin(), moved.end());
@@ -181,7 +253,7 @@ void BackEnd::unpack(std::size_t keyframe) {
 
 void BackEnd::concatenate(std::size_t keyframe) {
   unpack(keyframe);
-  concatenator_.add(keyframe, keyframes_[keyframe].time, lvm_, mapped_poses_[keyframe]);
+  concatenator_.add(keyframe, keyframes_[keyframe].time, lvm_, mapped_poses_[keyframe].value());
 }
 
 void BackEnd::count_changes() {

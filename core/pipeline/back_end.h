@@ -2,13 +2,16 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "core/graph/close_loop.h"
+#include "core/graph/find_itself.h"
 #include "core/graph/keyframe_store.h"
 #include "core/graph/optimise.h"
 #include "core/graph/pose_graph.h"
+#include "core/graph/recollection.h"
 #include "core/map/concatenate.h"
 #include "core/map/vector_map.h"
 #include "core/pipeline/config.h"
@@ -32,18 +35,25 @@ struct BackEndReport {
   std::uint64_t rederived_keyframe_count = 0;  ///< from how many keyframes, all times together
   std::uint64_t line_count = 0, vertex_count = 0;
   double map_length_m = 0;
+  std::uint64_t recalled_keyframe_count = 0;  ///< of earlier drives
+  bool found_itself = true;                   ///< in the map of earlier drives; always, where there are none
+  double searched_m = 0;                      ///< path driven until it did, or until now
 };
 
 /// Steps 7 to 9 of the flowchart: keyframes in, the map and its changes out. Owns the map and `map <- odom`.
 ///
 /// Ordinary thread: allocates. Same keyframes, same bytes. Between closures the work of add() does not grow with the
-/// drive.
+/// drive. With an earlier drive recalled, the map is at first of the new drive alone. Once loops tell where in the
+/// earlier one the vehicle is, its lines come into the map, those around the vehicle first, some with each keyframe.
 class BackEnd {
  public:
   /// `T_map_odom_start`: where the odometry's origin lies in the map, e.g. the anchor's heading; `probe` outlives this.
   /// `first_keyframe`: the index of the first that comes.
   BackEnd(const PipelineConfig& config, const Pose2& T_map_odom_start, StepProbe& probe,
           std::uint64_t first_keyframe = 0);
+
+  /// An earlier drive, before the first keyframe. The first guess is where the map frame is put.
+  void recall(Recollection recollection);
 
   /// Keyframes come in order. Valid until the next call.
   const MapChange& add(const Keyframe& keyframe);
@@ -52,6 +62,11 @@ class BackEnd {
 
   [[nodiscard]] const VectorMap& map() const { return concatenator_.map(); }
   [[nodiscard]] const Pose2& T_map_odom() const { return T_map_odom_; }
+  /// Of all drives, also those recalled; one per pose of the graph.
+  [[nodiscard]] std::span<const KeptKeyframe> keyframes() const { return keyframes_; }
+  [[nodiscard]] const PoseGraph& graph() const { return graph_; }
+  /// Found, and every line of the earlier drive is in the map again.
+  [[nodiscard]] bool has_recalled_all() const { return report_.found_itself && to_recall_.empty(); }
   [[nodiscard]] std::span<const TrajectoryPoint> trajectory() const { return trajectory_; }
   /// Every loop that was accepted, also those that are switched off.
   [[nodiscard]] std::span<const LoopEdge> loops() const { return graph_.loops; }
@@ -59,6 +74,9 @@ class BackEnd {
 
  private:
   void take(const Keyframe& keyframe);
+  [[nodiscard]] PoseEdge link_to(const Pose2& T_map_vehicle) const;
+  void find_itself();
+  void recall_lines(std::size_t most);
   void optimise_for(std::span<const PoseEdge> loops);
   void optimise(bool whole);
   [[nodiscard]] std::size_t first_to_move() const;
@@ -77,7 +95,10 @@ class BackEnd {
   Concatenator concatenator_;
   PoseGraph graph_;
   std::vector<KeptKeyframe> keyframes_;
-  std::vector<Pose2> mapped_poses_;  ///< from where each keyframe's lines were put into the map
+  std::vector<std::optional<Pose2>> mapped_poses_;  ///< from where each keyframe's lines were put into the map, if ever
+  std::size_t recalled_count_ = 0;                  ///< keyframes before it are of earlier drives
+  std::optional<SelfFinder> self_finder_;           ///< until the vehicle has found itself
+  std::vector<std::size_t> to_recall_;              ///< keyframes whose lines come into the map next, from the back
   std::vector<TrajectoryPoint> trajectory_;
   Pose2 T_map_odom_;
   double last_rederived_m_ = 0;                   ///< path travelled then

@@ -157,6 +157,7 @@ void visit_fields(ServerSettings& s, StorageSettings& storage, LogSettings& log,
   field("server.most_clients_per_user", s.most_clients_per_user, 1, 1000, "of them, those of one user");
   field("storage.directory", storage.directory, "folder of map.gpkg").naming(Names::output_file);
   field("storage.batch_s", storage.batch_s, 0.05, 60, "time between two writes: what a power cut may cost");
+  field("storage.resume", storage.resume, "go on with the stored map that came by where the vehicle is");
   field("log.level", log.level, kLogLevels, "least important message that is written");
   field("log.target", log.target, kLogTargets, "auto: the journal when started by systemd, else the terminal");
 }

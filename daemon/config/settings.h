@@ -105,6 +105,7 @@ struct ServerSettings {
 struct StorageSettings {
   std::filesystem::path directory = "/var/lib/roadvec";
   double batch_s = 2;  ///< choice: what a crash may cost, against wear of the disk
+  bool resume = true;
 };
 
 enum class LogLevel : std::uint8_t { trace, debug, info, warning, error };

@@ -1,13 +1,21 @@
 #include "daemon/stages/optimiser_stage.h"
 
 #include <thread>
+#include <utility>
 
 namespace roadvec {
 
-OptimiserStage::OptimiserStage(const PipelineConfig& config, const Pose2& T_map_odom_start, KeyframeChannel& keyframes,
-                               Doorbell& bell, FrameLog& log, MapHead start)
-    : keyframes_(keyframes), bell_(bell), log_(log), config_(config), publisher_(log, start) {
-  back_end_.emplace(config_, T_map_odom_start, timer_);
+OptimiserStage::OptimiserStage(const PipelineConfig& config, KeyframeChannel& keyframes, Doorbell& bell, FrameLog& log,
+                               MapHead start, DriveJournal* journal)
+    : keyframes_(keyframes), bell_(bell), log_(log), journal_(journal), config_(config), publisher_(log, start) {
+  back_end_.emplace(config_, start.T_map_odom, timer_);
+}
+
+void OptimiserStage::recall(Recollection earlier) {
+  noted_keyframe_count_ = earlier.keyframes.size();
+  noted_loop_count_ = earlier.graph.loops.size();
+  back_end_->recall(std::move(earlier));
+  reports_.store({back_end_->report(), publisher_.head(), back_end_->T_map_odom()});
 }
 
 void OptimiserStage::run(const std::stop_token& stop) {
@@ -24,9 +32,12 @@ void OptimiserStage::run(const std::stop_token& stop) {
     const MapChange& change = back_end_->add(*keyframe);
     keyframes_.pop();
     taken_.add();
+    note();
     publish(change, stop);
   }
-  publish(back_end_->finish(), stop);
+  const MapChange& last = back_end_->finish();
+  note();
+  publish(last, stop);
 }
 
 void OptimiserStage::forget_map(const std::stop_token& stop) {
@@ -36,7 +47,26 @@ void OptimiserStage::forget_map(const std::stop_token& stop) {
   change.time = newest_;
   for (const auto& [id, line] : back_end_->map()) change.removed.push_back(id);
   back_end_.emplace(config_, change.T_map_odom, timer_, next_keyframe_);
+  noted_keyframe_count_ = noted_loop_count_ = 0;
+  if (journal_ != nullptr) journal_->begin_new_map();
   publish(change, stop);
+}
+
+/// What the map is made of, for a later start.
+void OptimiserStage::note() {
+  if (journal_ == nullptr) return;
+  const PoseGraph& graph = back_end_->graph();
+  JournalNews news;
+  for (std::size_t& k = noted_keyframe_count_; k < graph.poses_map.size(); ++k) {
+    news.keyframes.push_back({back_end_->keyframes()[k], k == 0 ? PoseEdge{} : graph.odometry[k - 1],
+                              graph.travelled_m[k], graph.poses_map[k]});
+  }
+  for (; noted_loop_count_ < graph.loops.size(); ++noted_loop_count_) {
+    news.loops.push_back(graph.loops[noted_loop_count_].edge);
+  }
+  news.found_itself = back_end_->report().recalled_keyframe_count > 0 && back_end_->report().found_itself;
+  news.recalled_all = news.found_itself && back_end_->has_recalled_all();
+  journal_->note(std::move(news));
 }
 
 void OptimiserStage::publish(const MapChange& change, const std::stop_token& stop) {

@@ -8,6 +8,7 @@
 #include "daemon/server/map_publisher.h"
 #include "daemon/stages/channels.h"
 #include "daemon/stages/step_timer.h"
+#include "daemon/store/drive_journal.h"
 #include "drivers/velodyne/counters.h"
 
 namespace roadvec {
@@ -23,8 +24,12 @@ struct OptimiserReport {
 /// thread.
 class OptimiserStage {
  public:
-  OptimiserStage(const PipelineConfig& config, const Pose2& T_map_odom_start, KeyframeChannel& keyframes,
-                 Doorbell& bell, FrameLog& log, MapHead start);
+  /// `journal`: for the store; none: nobody keeps the map.
+  OptimiserStage(const PipelineConfig& config, KeyframeChannel& keyframes, Doorbell& bell, FrameLog& log, MapHead start,
+                 DriveJournal* journal = nullptr);
+
+  /// Before run(): goes on with an earlier drive. `start` is its first guess.
+  void recall(Recollection earlier);
 
   /// Until the keyframe channel is finished; then publishes the last of the map. Stop gives up waiting for slow
   /// readers.
@@ -40,15 +45,18 @@ class OptimiserStage {
 
  private:
   void forget_map(const std::stop_token& stop);
+  void note();
   void publish(const MapChange& change, const std::stop_token& stop);
 
   KeyframeChannel& keyframes_;
   Doorbell& bell_;
   FrameLog& log_;
+  DriveJournal* journal_;
   PipelineConfig config_;
   StepTimer timer_;
   std::optional<BackEnd> back_end_;
   std::uint64_t next_keyframe_ = 0;
+  std::size_t noted_keyframe_count_ = 0, noted_loop_count_ = 0;  ///< in the journal
   SensorTime newest_;
   MapPublisher publisher_;
   Latest<OptimiserReport> reports_;

@@ -65,6 +65,10 @@ void Statement::bind(int index, std::string_view value) {
   sqlite3_bind_text64(statement_.get(), index, value.data(), value.size(), SQLITE_TRANSIENT, SQLITE_UTF8);
 }
 void Statement::bind(int index, std::span<const std::uint8_t> value) {
+  if (value.empty()) {  // else it would be NULL
+    sqlite3_bind_zeroblob(statement_.get(), index, 0);
+    return;
+  }
   sqlite3_bind_blob64(statement_.get(), index, value.data(), value.size(), SQLITE_TRANSIENT);
 }
 

@@ -146,12 +146,14 @@ Stored<void> MapFile::take_in_log() {
   return done;
 }
 
-Stored<void> MapFile::write(MapPart& part, const VectorMap& map, const std::set<LineId>& changed) {
+Stored<void> MapFile::write(MapPart& part, const VectorMap& map, const std::set<LineId>& changed,
+                            const DriveRows& drive) {
   if (Stored<void> unchanged = find_unchanged(); !unchanged) return unchanged;
   MapPart written = part;
   Stored<void> done = database_.run("BEGIN IMMEDIATE")
                           .and_then([&] { return write_part(written); })
                           .and_then([&] { return write_lines(written, map, changed); })
+                          .and_then([&] { return write_drive(database_, written.number, drive); })
                           .and_then([&] { return database_.run("COMMIT"); });
   if (!done) {
     database_.roll_back();
@@ -169,20 +171,21 @@ Stored<void> MapFile::write_part(MapPart& part) const {
   const auto finished = static_cast<std::int64_t>(part.finished);
   if (part.number != 0) {
     Stored<Statement> update = database_.prepare(
-        std::string("UPDATE parts SET epoch = ?, seq = ?, finished = ?, changed = ") + kNow + " WHERE part = ?");
+        std::string("UPDATE parts SET epoch = ?, seq = ?, finished = ?, continues = nullif(?, 0), changed = ") + kNow +
+        " WHERE part = ?");
     if (!update) return tl::unexpected<StoreError>(update.error());
-    Stored<void> done = update->execute(epoch, seq, finished, part.number);
+    Stored<void> done = update->execute(epoch, seq, finished, part.continues, part.number);
     if (done && database_.changed_rows() != 1) return in_trouble(StoreTrouble::replaced, "what was written has gone");
     return done;
   }
   Stored<Statement> insert = database_.prepare(
-      std::string(
-          "INSERT INTO parts (epoch, seq, finished, anchor_latitude_deg, anchor_longitude_deg, anchor_height_m, "
-          "anchor_yaw_deg, began, changed) VALUES (?, ?, ?, ?, ?, ?, ?, ") +
+      std::string("INSERT INTO parts (epoch, seq, finished, continues, anchor_latitude_deg, anchor_longitude_deg, "
+                  "anchor_height_m, anchor_yaw_deg, began, changed) VALUES (?, ?, ?, nullif(?, 0), ?, ?, ?, ?, ") +
       kNow + ", " + kNow + ")");
   if (!insert) return tl::unexpected<StoreError>(insert.error());
   const Anchor& a = part.anchor;
-  Stored<void> done = insert->execute(epoch, seq, finished, a.latitude_deg, a.longitude_deg, a.height_m, a.yaw_deg);
+  Stored<void> done =
+      insert->execute(epoch, seq, finished, part.continues, a.latitude_deg, a.longitude_deg, a.height_m, a.yaw_deg);
   if (!done) return done;
   return database_.number("SELECT last_insert_rowid()").map([&](std::int64_t number) { part.number = number; });
 }
@@ -236,8 +239,8 @@ Stored<void> MapFile::note_extent(const GeoEnvelope& extent) const {
 
 Stored<std::vector<MapPart>> MapFile::parts() const {
   Stored<Statement> query = database_.prepare(
-      "SELECT part, epoch, seq, finished, anchor_latitude_deg, anchor_longitude_deg, anchor_height_m, anchor_yaw_deg "
-      "FROM parts ORDER BY part");
+      "SELECT part, epoch, seq, finished, anchor_latitude_deg, anchor_longitude_deg, anchor_height_m, anchor_yaw_deg, "
+      "continues, let_go FROM parts ORDER BY part");
   if (!query) return tl::unexpected<StoreError>(query.error());
   std::vector<MapPart> parts;
   for (;;) {
@@ -249,6 +252,8 @@ Stored<std::vector<MapPart>> MapFile::parts() const {
     part.head = {static_cast<std::uint64_t>(query->integer(1)), static_cast<std::uint64_t>(query->integer(2))};
     part.finished = query->integer(3) != 0;
     part.anchor = {query->real(4), query->real(5), query->real(6), query->real(7)};
+    part.continues = query->integer(8);
+    part.let_go = query->integer(9) != 0;
   }
 }
 
@@ -268,6 +273,38 @@ Stored<VectorMap> MapFile::lines(const MapPart& part) const {
     }
     map.emplace(line.id, std::move(line));
   }
+}
+
+/// The part and those before it, the earliest first. A part only continues earlier ones.
+Stored<std::vector<std::int64_t>> MapFile::continued_by(const MapPart& part) const {
+  std::vector<std::int64_t> chain;
+  for (std::int64_t number = part.number; number > 0 && (chain.empty() || number < chain.front());) {
+    chain.insert(chain.begin(), number);
+    const Stored<std::int64_t> before =
+        database_.number("SELECT coalesce(continues, 0) FROM parts WHERE part = " + std::to_string(number));
+    if (!before) return tl::unexpected<StoreError>(before.error());
+    number = *before;
+  }
+  return chain;
+}
+
+Stored<void> MapFile::take_over(const MapPart& part) const {
+  const Stored<std::vector<std::int64_t>> chain = continued_by(part);
+  if (!chain) return tl::unexpected<StoreError>(chain.error());
+  for (const std::int64_t number : *chain) {
+    if (number == part.number) continue;
+    Stored<void> done = database_.run("DELETE FROM boundaries WHERE part = " + std::to_string(number));
+    if (!done) return done;
+  }
+  return {};
+}
+
+Stored<Recollection> MapFile::drive(const MapPart& part) const {
+  return continued_by(part).and_then([&](const auto& chain) { return read_drive(database_, chain); });
+}
+
+Stored<DriveReach> MapFile::reach(const MapPart& part, const Eigen::Vector2d& place_map) const {
+  return continued_by(part).and_then([&](const auto& chain) { return reach_of_drive(database_, chain, place_map); });
 }
 
 }  // namespace roadvec

@@ -2,12 +2,14 @@
 
 #include <filesystem>
 #include <set>
+#include <string>
 #include <vector>
 
 #include "core/geometry/anchor.h"
 #include "core/map/vector_map.h"
 #include "daemon/server/map_publisher.h"
 #include "daemon/store/database.h"
+#include "daemon/store/drive_tables.h"
 #include "daemon/store/geometry.h"
 
 namespace roadvec {
@@ -18,6 +20,8 @@ struct MapPart {
   Anchor anchor;
   MapHead head;
   bool finished = false;
+  std::int64_t continues = 0;  ///< the part whose drive this one goes on with; 0: none
+  bool let_go = false;         ///< the owner began a new map after it: no later start goes on with it
 };
 
 /// A map as a GeoPackage: opened, brought up to the present schema and found whole. README.md in this folder describes
@@ -32,12 +36,23 @@ class MapFile {
   /// the part has come to; all of it or nothing. A part numbered 0 is new and gets its number. Fails with `replaced`
   /// when the path names another file, before or after, when others have written into the file and left it damaged, or
   /// when the part is gone from it.
-  [[nodiscard]] Stored<void> write(MapPart& part, const VectorMap& map, const std::set<LineId>& changed);
+  [[nodiscard]] Stored<void> write(MapPart& part, const VectorMap& map, const std::set<LineId>& changed,
+                                   const DriveRows& drive = {});
+  /// Takes the lines of the parts that it continues out of the file: they are this part's now.
+  [[nodiscard]] Stored<void> take_over(const MapPart& part) const;
+  /// No later start goes on with any of the parts but this one.
+  [[nodiscard]] Stored<void> let_go(std::int64_t but) const {
+    return database_.run("UPDATE parts SET let_go = 1 WHERE part <> " + std::to_string(but));
+  }
 
   /// In the order in which they were begun.
   [[nodiscard]] Stored<std::vector<MapPart>> parts() const;
   /// The part's lines in whole millimetres; what the file keeps per line (height, sigmas), each vertex gets.
   [[nodiscard]] Stored<VectorMap> lines(const MapPart& part) const;
+
+  /// What the part was made from, and the parts that it continues; empty when none of that was kept.
+  [[nodiscard]] Stored<Recollection> drive(const MapPart& part) const;
+  [[nodiscard]] Stored<DriveReach> reach(const MapPart& part, const Eigen::Vector2d& place_map) const;
 
   /// As write(), when there is nothing to write.
   [[nodiscard]] Stored<void> find_unchanged();
@@ -57,6 +72,7 @@ class MapFile {
   [[nodiscard]] Stored<void> write_part(MapPart& part) const;
   [[nodiscard]] Stored<void> write_lines(const MapPart& part, const VectorMap& map,
                                          const std::set<LineId>& changed) const;
+  [[nodiscard]] Stored<std::vector<std::int64_t>> continued_by(const MapPart& part) const;
   [[nodiscard]] Stored<void> note_extent(const GeoEnvelope& extent) const;
 
   Database database_;

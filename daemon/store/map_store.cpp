@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <ctime>
+#include <iterator>
 #include <system_error>
 
 namespace roadvec {
@@ -59,13 +60,25 @@ const char* words_for(StoreTrouble trouble) {
 
 }  // namespace
 
-MapStore::MapStore(const MapStoreConfig& config, FrameLog& log)
+MapStore::MapStore(const MapStoreConfig& config, FrameLog& log, DriveJournal& journal)
     : config_(config),
       path_(config.directory / "map.gpkg"),
       reader_(log),
       copy_(config.start),
-      first_epoch_(config.start.epoch) {
+      first_epoch_(config.start.epoch),
+      journal_(journal) {
   part_.anchor = config.anchor;
+  if (config.earlier) {
+    const Recollection& drive = config.earlier->drive;
+    const PoseGraph& graph = drive.graph;
+    for (std::size_t k = 0; k < drive.keyframes.size(); ++k) {
+      keyframes_.push_back(
+          {drive.keyframes[k], k == 0 ? PoseEdge{} : graph.odometry[k - 1], graph.travelled_m[k], graph.poses_map[k]});
+    }
+    for (const LoopEdge& loop : graph.loops) loops_.push_back(loop.edge);
+    earlier_keyframe_count_ = keyframes_.size();
+    earlier_loop_count_ = loops_.size();
+  }
   report_.state = "opening " + path_.string();
 }
 
@@ -81,11 +94,13 @@ bool MapStore::run(const std::stop_token& stop) {
     ::poll(&bell, 1, static_cast<int>(kTurn.count()));
     if (!take_new()) return false;
     if (Clock::now() < next) continue;
+    take(journal_.take());
     if (!file_) open();
     if (file_) write(false);
     next = Clock::now() + std::chrono::duration_cast<Clock::duration>(config_.batch_interval);
   }
   if (!take_new()) return false;
+  take(journal_.take());
   finish();
   return true;
 }
@@ -105,11 +120,25 @@ bool MapStore::take_new() {
   }
 }
 
+void MapStore::take(JournalNews news) {
+  std::ranges::move(news.keyframes, std::back_inserter(keyframes_));
+  std::ranges::move(news.loops, std::back_inserter(loops_));
+  found_itself_ = found_itself_ || news.found_itself;
+  recalled_all_ = recalled_all_ || news.recalled_all;
+}
+
 /// The map before stays in the file as a part of its own; what of it cannot be written by now is forgotten with it.
 void MapStore::begin_part() {
+  take(journal_.take_last());
   if (!file_) open();
   if (file_) write(true);
   copy_.let_go();
+  config_.earlier.reset();
+  keyframes_.clear();
+  loops_.clear();
+  earlier_keyframe_count_ = earlier_loop_count_ = written_keyframe_count_ = written_loop_count_ = 0;
+  has_earlier_ = found_itself_ = recalled_all_ = has_taken_over_ = false;
+  let_go_is_due_ = true;
   part_ = {};
   part_.anchor = config_.anchor;
   first_epoch_ = copy_.head().epoch;
@@ -139,10 +168,16 @@ Stored<void> MapStore::find_part(const MapFile& file) {
   if (!parts) return tl::unexpected<StoreError>(parts.error());
   part_.number = 0;
   part_.head = {};
+  has_earlier_ = has_taken_over_ = false;
   for (const MapPart& part : *parts) {
+    // The same file, unless another was put in its place since the start.
+    has_earlier_ = has_earlier_ || (config_.earlier && part.number == config_.earlier->part.number &&
+                                    part.head.epoch == config_.earlier->part.head.epoch);
     // Epochs begin at random and count up with each closed loop.
     if (first_epoch_ <= part.head.epoch && part.head.epoch <= copy_.head().epoch) part_ = part;
   }
+  written_keyframe_count_ = has_earlier_ ? earlier_keyframe_count_ : 0;
+  written_loop_count_ = has_earlier_ ? earlier_loop_count_ : 0;
   copy_.all_changed();
   if (part_.number == 0) return {};
   const Stored<VectorMap> written = file.lines(part_);
@@ -151,9 +186,14 @@ Stored<void> MapStore::find_part(const MapFile& file) {
   return {};
 }
 
+bool MapStore::has_news(bool finished) const {
+  return !copy_.changed().empty() || part_.head.seq != copy_.head().seq || finished != part_.finished ||
+         written_keyframe_count_ != keyframes_.size() || written_loop_count_ != loops_.size();
+}
+
 void MapStore::write(bool finished) {
-  const bool news = !copy_.changed().empty() || part_.head.seq != copy_.head().seq || finished != part_.finished;
-  if (nothing_to_keep() || !news) {
+  settle_earlier_parts();
+  if (nothing_to_keep() || !has_news(finished)) {
     if (const Stored<void> unchanged = file_->find_unchanged(); !unchanged) return meet(unchanged.error());
     copy_.written();
     {
@@ -166,12 +206,26 @@ void MapStore::write(bool finished) {
   MapPart part = part_;
   part.head = copy_.head();
   part.finished = finished;
-  const Stored<void> written = file_->write(part, copy_.map(), copy_.changed());
+  part.continues = found_itself_ && has_earlier_ ? config_.earlier->part.number : 0;
+  const DriveRows drive{.keyframes = std::span(keyframes_).subspan(written_keyframe_count_),
+                        .first_keyframe = written_keyframe_count_,
+                        .loops = std::span(loops_).subspan(written_loop_count_)};
+  const Stored<void> written = file_->write(part, copy_.map(), copy_.changed(), drive);
   if (!written) return meet(written.error());
   part_ = part;
+  written_keyframe_count_ = keyframes_.size();
+  written_loop_count_ = loops_.size();
   copy_.written();
   count_batch(begin);
   say({});
+}
+
+/// Their lines go when all of them are in this part; a new map at its owner's wish is not continued from them. What
+/// fails here has its turn again with the next batch.
+void MapStore::settle_earlier_parts() {
+  if (let_go_is_due_) let_go_is_due_ = !file_->let_go(part_.number);
+  const bool all_written = part_.continues != 0 && recalled_all_ && copy_.changed().empty();
+  if (all_written && !has_taken_over_) has_taken_over_ = file_->take_over(part_).has_value();
 }
 
 void MapStore::finish() {
@@ -179,6 +233,7 @@ void MapStore::finish() {
   for (;;) {
     if (!file_) open();
     if (file_) write(true);
+    if (file_) settle_earlier_parts();
     if (part_.finished || (file_ && nothing_to_keep()) || Clock::now() > end) break;
     ::poll(nullptr, 0, static_cast<int>(kTurn.count()));
   }

@@ -9,8 +9,10 @@
 #include <string>
 
 #include "daemon/server/frame_log.h"
+#include "daemon/store/drive_journal.h"
 #include "daemon/store/map_copy.h"
 #include "daemon/store/map_file.h"
+#include "daemon/store/recall.h"
 
 namespace roadvec {
 
@@ -20,6 +22,7 @@ struct MapStoreConfig {
   std::chrono::milliseconds last_tries{5000};  ///< how long it tries to write the rest at the end; systemd gives 90 s
   MapHead start;                               ///< the same as the MapPublisher's
   Anchor anchor;
+  std::optional<EarlierPart> earlier;  ///< that the optimiser recalls
 };
 
 /// What the main thread wants to know of the store.
@@ -42,7 +45,7 @@ struct StoreReport {
 class MapStore {
  public:
   /// Made before the log's writer starts.
-  MapStore(const MapStoreConfig& config, FrameLog& log);
+  MapStore(const MapStoreConfig& config, FrameLog& log, DriveJournal& journal);
 
   /// Until stop; then writes what is left, trying for last_tries, and leaves one file without a log beside it. false:
   /// it lost the map because the log overran it (cannot happen while the writer asks has_room()).
@@ -53,12 +56,15 @@ class MapStore {
  private:
   using Clock = std::chrono::steady_clock;
   [[nodiscard]] bool take_new();
+  void take(JournalNews news);
   void open();
   void begin_part();
   /// The map is empty, and none of it was ever written.
   [[nodiscard]] bool nothing_to_keep() const { return part_.number == 0 && copy_.map().empty(); }
   [[nodiscard]] Stored<void> find_part(const MapFile& file);
   void write(bool finished);
+  [[nodiscard]] bool has_news(bool finished) const;
+  void settle_earlier_parts();
   void finish();
   void close_moved();
   void set_aside(const StoreError& error);
@@ -73,6 +79,14 @@ class MapStore {
   MapCopy copy_;
   MapPart part_;               ///< as it was last written
   std::uint64_t first_epoch_;  ///< of the part
+
+  DriveJournal& journal_;
+  std::vector<JournalKeyframe> keyframes_;  ///< that the map was made from, those of earlier parts first
+  std::vector<PoseEdge> loops_;
+  std::size_t earlier_keyframe_count_ = 0, earlier_loop_count_ = 0;
+  std::size_t written_keyframe_count_ = 0, written_loop_count_ = 0;  ///< in this file
+  bool has_earlier_ = false;                                         ///< the file holds the part that may be continued
+  bool found_itself_ = false, recalled_all_ = false, has_taken_over_ = false, let_go_is_due_ = false;
   std::optional<MapFile> file_;
   std::uint64_t log_inode_ = 0;  ///< of map.gpkg-wal, while file_ is open
   std::string set_aside_text_;

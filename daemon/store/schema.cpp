@@ -56,6 +56,19 @@ INSERT INTO x_schema VALUES (1);
     R"(
 ALTER TABLE parts ADD COLUMN finished BOOLEAN NOT NULL DEFAULT 0;
 UPDATE x_schema SET version = 2;
+)",
+    // 3: what the maps were made from, so that a later start goes on with one.
+    R"(
+ALTER TABLE parts ADD COLUMN continues INTEGER;
+ALTER TABLE parts ADD COLUMN let_go BOOLEAN NOT NULL DEFAULT 0;
+CREATE TABLE x_keyframes (
+  part INTEGER NOT NULL, keyframe INTEGER NOT NULL, time_ns INTEGER NOT NULL, x_m DOUBLE NOT NULL, y_m DOUBLE NOT NULL,
+  heading_rad DOUBLE NOT NULL, travelled_m DOUBLE NOT NULL, step BLOB NOT NULL, lvm BLOB NOT NULL,
+  structure BLOB NOT NULL, PRIMARY KEY (part, keyframe));
+CREATE TABLE x_loops (
+  part INTEGER NOT NULL, from_keyframe INTEGER NOT NULL, to_keyframe INTEGER NOT NULL, edge BLOB NOT NULL,
+  PRIMARY KEY (part, from_keyframe, to_keyframe));
+UPDATE x_schema SET version = 3;
 )"};
 
 /// 0: nothing in it yet.

@@ -140,6 +140,7 @@ SEEDS = {
     "fuzz_wire": [HELLO, GET_TILES, SUBSCRIBE],
     "fuzz_server_frame": [b"\x10" + b"".join(struct.pack("<I", len(m)) + m for m in (HELLO, GET_TILES, SUBSCRIBE))],
     "fuzz_geometry": [b"GP\0\3" + struct.pack("<i4dBII6d", 4326, 8.4, 8.5, 49.0, 49.1, 1, 1002, 2, 8.4, 49.0, 112.0, 8.5, 49.1, 113.0)],
+    "fuzz_packed_lines": [struct.pack("<I4B2fI", 2, 1, 0, 1, 0, 0.1, 0.9, 7) + struct.pack("<4h2B", 500, -20, 0, 100, 10, 20) * 2] * 2,
     "fuzz_config": [CONFIG],
 }
 

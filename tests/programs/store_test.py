@@ -33,7 +33,7 @@ class StoreTest(LiveDaemonTest):
     def setUp(self):
         super().setUp()
         self.file = self.map / "map.gpkg"
-        self.tables["storage"] = {"directory": str(self.map), "batch_s": 0.05}
+        self.tables["storage"] = {"directory": str(self.map), "batch_s": 0.05, "resume": False}
 
     def daemon(self, *arguments):
         """As the service starts it: nothing but map.gpkg."""

@@ -135,7 +135,7 @@ struct Stages {
                        mapping_bell,
                        keyframes,
                        poses};
-  OptimiserStage optimiser{PipelineConfig{}, {}, keyframes, optimiser_bell, frames, {1, 0}};
+  OptimiserStage optimiser{PipelineConfig{}, keyframes, optimiser_bell, frames, {1, 0}};
   std::stop_source stop;
 };
 

@@ -98,9 +98,12 @@ TEST_F(MapFileTest, a_file_of_an_earlier_schema_is_brought_up_to_date_with_what_
   const MapStory story = story_of(40);
   ASSERT_TRUE(open().write(part_, story.map(), ids_of(story.map())));
   {
-    // What version 1 was: no column `finished`.
+    // What version 1 was: nothing of how it came about, no column `finished`.
     const Database old = database();
-    ASSERT_TRUE(old.run("ALTER TABLE parts DROP COLUMN finished; UPDATE x_schema SET version = 1"));
+    ASSERT_TRUE(
+        old.run("DROP TABLE x_keyframes; DROP TABLE x_loops; ALTER TABLE parts DROP COLUMN continues;"
+                "ALTER TABLE parts DROP COLUMN let_go; ALTER TABLE parts DROP COLUMN finished;"
+                "UPDATE x_schema SET version = 1"));
   }
   MapFile file = open();
   EXPECT_EQ(database().number("SELECT version FROM x_schema"), kSchemaVersion);
