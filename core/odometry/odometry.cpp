@@ -33,6 +33,9 @@ constexpr double kSteeringSlip = 0.5;
 constexpr double kSoftIron_rad = 0.03;  // per root radian turned: 1-2 deg of soft-iron error
 constexpr double kLeastLevel = 0.9;     // no street is steeper than 25 deg: an IMU that says so is not believed
 constexpr double kBiasWalk_radps = 2e-5, kScaleWalk = 1e-4, kSteerWalk_rad = 2e-5;  // per root second
+// Longer than between any two samples of a car that is listened to, and later than any comes.
+constexpr double kJump_s = 2.0;
+constexpr double kJumpSigma_m = 1.0, kJumpSigma_rad = 0.05;  // choice: a match finds the way from there
 // Drift of the local map per metre driven, which no match against it can see.
 constexpr double kLocalMapDrift = 0.002;
 constexpr double kLocalMapDrift_radpm = 0.00005;
@@ -47,18 +50,40 @@ Odometry::Odometry(const OdometryConfig& config, const VehicleGeometry& vehicle)
 }
 
 const Path& Odometry::integrate(std::span<const MotionSample> motion, SensorTime start, SensorTime end) noexcept {
-  if (!started_) {
+  const bool starts = !started_;  // on samples from long before
+  if (starts) {
     started_ = true;
     time_ = corrected_time_ = start;
   }
   path_.clear();
   path_.push(time_, pose());
   for (const MotionSample& sample : motion) {
+    if (!starts && is_jump(sample.time)) jump_to(sample.time);
     predict_to(sample.time);
     take(sample);
   }
+  if (is_jump(end)) jump_to(end);
   predict_to(end);
   return path_;
+}
+
+bool Odometry::is_jump(SensorTime time) const noexcept { return std::abs(seconds_between(time_, time)) > kJump_s; }
+
+/// What was seen keeps its age: a clock that is set makes no sensor silent.
+void Odometry::jump_to(SensorTime time) noexcept {
+  const std::int64_t step_ns = time - time_;
+  for (std::optional<SensorTime>* seen :
+       {&wheels_seen_, &steering_seen_, &gyro_seen_, &heading_seen_, &standing_since_}) {
+    if (*seen) *seen = **seen + step_ns;
+  }
+  corrected_time_ = corrected_time_ + step_ns;
+  time_ = time;
+  const Eigen::Vector3d noise(kJumpSigma_m * kJumpSigma_m, kJumpSigma_m * kJumpSigma_m,
+                              kJumpSigma_rad * kJumpSigma_rad);
+  covariance_.diagonal().head<3>() += noise;
+  relative_covariance_.diagonal() += noise;
+  path_.clear();
+  path_.push(time_, pose());
 }
 
 void Odometry::predict_to(SensorTime time) noexcept {

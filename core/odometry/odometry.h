@@ -65,7 +65,8 @@ class Odometry {
 
   Odometry(const OdometryConfig& config, const VehicleGeometry& vehicle);
 
-  /// Consumes the samples up to `end` (all not older than those of the last call) and predicts to `end`.
+  /// Consumes the samples up to `end` (all not older than those of the last call) and predicts to `end`. Where time
+  /// jumps by seconds, a clock was set, or nothing told of the car: the path goes on where it was, with less certainty.
   /// The first call sets the odom frame: the vehicle at its `start`. The path covers [start, end]; valid until the next
   /// call.
   const Path& integrate(std::span<const MotionSample> motion, SensorTime start, SensorTime end) noexcept;
@@ -105,6 +106,8 @@ class Odometry {
   void take(SensorTime time, const SteeringAngle& steering) noexcept;
   void take(SensorTime time, const ImuSample& imu) noexcept;
   void predict_to(SensorTime time) noexcept;
+  [[nodiscard]] bool is_jump(SensorTime time) const noexcept;
+  void jump_to(SensorTime time) noexcept;
   void choose_inputs() noexcept;
   void update(const StateVector& jacobian, double residual, double variance) noexcept;
   [[nodiscard]] bool fresh(const std::optional<SensorTime>& seen) const noexcept;

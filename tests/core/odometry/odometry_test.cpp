@@ -198,6 +198,25 @@ TEST(Odometry, late_samples_never_turn_time_back) {
   EXPECT_EQ(odometry.time(), at_s(1) + kSecond_ns / 10);
 }
 
+TEST(Odometry, a_clock_that_is_set_moves_no_car) {
+  for (const double step_s : {3600.0, -3600.0, 2.5, -2.5}) {
+    Odometry odometry({}, kCar);
+    const Drive drive{.yaw_rate_radps = 0.1};
+    odometry.integrate(drive.samples(0, 1), at_s(0), at_s(1));
+    const double sigma2 = odometry.pose_covariance()(0, 0);
+    std::vector<MotionSample> later = drive.samples(1, 3);
+    for (MotionSample& sample : later) sample.time = sample.time + at_s(step_s).ns;
+    const Path& path = odometry.integrate(later, at_s(1 + step_s), at_s(3 + step_s));
+    EXPECT_EQ(odometry.time(), at_s(3 + step_s));
+    const Pose2 truth = drive.truth(3);
+    EXPECT_NEAR(odometry.pose().x_m, truth.x_m, 0.3) << step_s;
+    EXPECT_NEAR(odometry.pose().y_m, truth.y_m, 0.1) << step_s;
+    EXPECT_GT(odometry.pose_covariance()(0, 0), sigma2 + 0.9) << step_s;
+    EXPECT_NEAR(path.at(at_s(2 + step_s)).x_m, drive.truth(2).x_m, 0.3) << step_s;
+    EXPECT_EQ(odometry.speed_source(), MotionSource::wheels) << step_s;
+  }
+}
+
 TEST(Odometry, path_covers_the_sweep) {
   Odometry odometry({}, kCar);
   const Drive drive;
