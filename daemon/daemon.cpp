@@ -17,6 +17,8 @@ namespace {
 
 constexpr std::size_t kFrameLogBytes = 16 << 20;  // six minutes of deltas
 constexpr std::chrono::milliseconds kSupervision{1000}, kProgress{200};
+constexpr double kStuck_s = 2;    // a thread turns every 20 ms
+constexpr double kStalled_s = 3;  // the process, when the main thread comes so late; and how long the status says so
 
 template <class T>
 T or_throw(Expected<T> value) {
@@ -82,11 +84,12 @@ Daemon::Daemon(const Settings& settings, InputKind kind, Service& service, const
     T_map_odom_start = earlier->drive.guesses.front().T_map_odom;
   }
   const MapHead head = first_head(kind, T_map_odom_start);
-  lidar_.emplace(std::move(lidar.source), lidar.model, lidar.calibration, lidar.options, lidar_counters_, sweeps_);
-  vehicle_.emplace(std::move(vehicle.inputs), motion_);
+  lidar_.emplace(std::move(lidar.source), lidar.model, lidar.calibration, lidar.options, lidar_counters_, sweeps_,
+                 latencies_);
+  vehicle_.emplace(std::move(vehicle.inputs), motion_, settings_.lidar.clock == LidarClock::device_utc);
   mapping_.emplace(settings_.pipeline, front_end_setup(settings_, lidar.model), sweeps_, motion_, mapping_bell_,
-                   keyframes_, poses_);
-  optimiser_.emplace(settings_.pipeline, keyframes_, optimiser_bell_, frames_, head,
+                   keyframes_, poses_, latencies_);
+  optimiser_.emplace(settings_.pipeline, keyframes_, optimiser_bell_, frames_, head, latencies_, change_stamps_,
                      kind == InputKind::live ? &journal_ : nullptr);
   if (earlier) optimiser_->recall(earlier->drive);
   if (kind == InputKind::recorded) return;
@@ -102,7 +105,13 @@ Daemon::Daemon(const Settings& settings, InputKind kind, Service& service, const
   server.facts.server_version = ROADVEC_VERSION;
   server.facts.anchor = anchor_of(settings_);
   server.facts.commands.durable_seq = [this] { return store_->report().durable_seq; };
+  server.facts.commands.cannot_save = [this] {
+    const StoreReport report = store_->report();
+    return report.in_trouble ? report.detail : std::string();
+  };
   server.facts.commands.begin_new_map = [this] { optimiser_->begin_new_map(); };
+  server.on_written = [this](std::uint64_t seq, bool taken) { note_written(seq, taken); };
+  server.log = [](const std::string& line) { spdlog::warn("{}", line); };
   server_.emplace(server, frames_, poses_, [this] { return status(); });
   store_.emplace(MapStoreConfig{.directory = settings_.storage.directory,
                                 .batch_interval = std::chrono::duration<double>(settings_.storage.batch_s),
@@ -112,7 +121,7 @@ Daemon::Daemon(const Settings& settings, InputKind kind, Service& service, const
                  frames_, journal_);
 }
 
-int Daemon::run(const std::optional<std::filesystem::path>& output, const std::function<void()>& reload) {
+int Daemon::run(const std::optional<std::filesystem::path>& output, const std::function<std::string()>& reload) {
   if (kind_ == InputKind::live && settings_.real_time.lock_memory && !lock_memory()) {
     spdlog::warn(
         "memory is not locked: raise LimitMEMLOCK (systemd) or ulimit -l, or set real_time.lock_memory = false");
@@ -126,7 +135,7 @@ int Daemon::run(const std::optional<std::filesystem::path>& output, const std::f
   take_reports();
   int written = output ? write_results(*output) : 0;
   if (store_report_.durable_seq < optimiser_report_.head.seq && store_) {
-    spdlog::error("the end of the map is not on the disk: {}", store_report_.state);
+    spdlog::error("the end of the map is not on the disk: {}", store_report_.detail);
     written = 1;
   }
   if (kind_ == InputKind::recorded && !lidar_->warning().empty()) spdlog::warn("{}", lidar_->warning());
@@ -191,18 +200,21 @@ void Daemon::start_threads() {
   });
 }
 
-void Daemon::supervise(const std::function<void()>& reload) {
+void Daemon::supervise(const std::function<std::string()>& reload) {
   const auto turn = kind_ == InputKind::live ? kSupervision : kProgress;
   while (!map_finished_) {
     const std::optional<int> signal = service_.wait_for_signal(turn);
     take_reports();
     log_progress();
-    if (every_stage_moved()) service_.feed_watchdog();
+    if (every_stage_moved(now_s())) service_.feed_watchdog();
     warn_of_senders();
     if (signal == SIGHUP) {
       Service::reloading();
-      reload();
+      const std::string complaint = reload();
       Service::ready();
+      const std::scoped_lock lock(reports_mutex_);
+      reload_complaint_ = complaint;
+      if (!complaint.empty()) ++bad_reload_count_;
     }
     if (signal == SIGINT || signal == SIGTERM) {
       spdlog::info("asked to stop: mapping what was received, then writing the map");
@@ -227,23 +239,69 @@ void Daemon::take_reports() {
   mapping_report_ = mapping_->reports().load();
   if (store_) {
     StoreReport report = store_->report();
-    if (report.state != store_report_.state) {
-      spdlog::log(report.in_trouble ? spdlog::level::warn : spdlog::level::info, "store: {}", report.state);
+    if (report.state != store_report_.state || report.detail != store_report_.detail) {
+      spdlog::log(report.in_trouble ? spdlog::level::warn : spdlog::level::info, "store: {}",
+                  report.detail.empty() ? report.state : report.detail);
     }
     store_report_ = std::move(report);
   }
   // After the store's, so that what is durable is never ahead of it.
   optimiser_report_ = optimiser_->reports().load();
+  if (kind_ == InputKind::live) count_recent(now_s());
+}
+
+void Daemon::count_recent(double at_s) {
+  const LidarCounts lidar = snapshot(lidar_counters_);
+  recent_lidar_.add(at_s, {lidar.received, lidar.device_time_gaps, lidar.reordered,
+                           lidar.wrong_length + lidar.foreign_source + lidar.wrong_flags, lidar.foreign_source,
+                           lidar.wrong_flags, lidar_->sweeps_published().value() + lidar.ring_full, lidar.ring_full,
+                           lidar.clock_steps + clock_report_.host_step_count});
+  const VehicleCounts& counts = vehicle_counts_;
+  const std::size_t imu = settings_.vehicle ? 1 : 0;
+  if (settings_.vehicle) {
+    recent_can_.add(at_s, {counts.can.frame_count - counts.can.error_frame_count, vehicle_->activity(0).samples.value(),
+                           counts.can.kernel_drop_count + counts.can.controller_overflow_count});
+  }
+  if (settings_.imu) {
+    recent_imu_.add(at_s, {counts.imu.byte_count + counts.imu_can.frame_count - counts.imu_can.error_frame_count,
+                           vehicle_->activity(imu).samples.value(), lost_of_imu(counts)});
+  }
+  const std::uint64_t closure_count = optimiser_report_.back_end.loops.accepted_count;
+  if (closure_count > closure_count_) last_closure_s_ = at_s;
+  closure_count_ = closure_count;
 }
 
 /// The store is not among them: a disk that hangs is no reason to end mapping.
-bool Daemon::every_stage_moved() {
-  const std::array<std::uint64_t, 4> turns{lidar_->turns().value(), vehicle_->turns().value(),
-                                           mapping_->turns().value(), optimiser_->turns().value()};
+bool Daemon::every_stage_moved(double at_s) {
+  const std::array<std::uint64_t, kThreads> turns{lidar_->turns().value(), vehicle_->turns().value(),
+                                                  mapping_->turns().value(), optimiser_->turns().value()};
+  const std::scoped_lock lock(reports_mutex_);
+  const double late_s = last_look_s_ > 0 ? at_s - last_look_s_ : 0;
+  if (late_s > kStalled_s) {
+    ++stall_count_;
+    longest_stall_s_ = std::max(longest_stall_s_, late_s);
+    stalled_until_s_ = at_s + kStalled_s;
+    spdlog::warn("the process did not run for {:.1f} s: was it stopped, or is the machine overloaded?", late_s);
+  }
   bool moved = true;
-  for (std::size_t i = 0; i < turns.size(); ++i) moved = moved && turns[i] != last_turns_[i];
+  for (std::size_t i = 0; i < turns.size(); ++i) {
+    const bool turned = turns[i] != last_turns_[i];
+    // Nobody turned while the process did not run.
+    if (turned || late_s > kStalled_s || moved_s_[i] == 0) moved_s_[i] = at_s;
+    stuck_[i] = at_s - moved_s_[i] > kStuck_s;
+    moved = moved && turned;
+  }
   last_turns_ = turns;
+  last_look_s_ = at_s;
   return moved;
+}
+
+/// Server's thread.
+void Daemon::note_written(std::uint64_t seq, bool taken) {
+  for (const ChangeStamp* stamp = nullptr; (stamp = change_stamps_.front()) != nullptr && stamp->seq <= seq;) {
+    if (taken) latencies_.note(Station::written, stamp->received_ns);
+    change_stamps_.pop();
+  }
 }
 
 void Daemon::log_progress() {
@@ -252,7 +310,7 @@ void Daemon::log_progress() {
                                  now.state, mapping_->sweep_count().value(), now.keyframe_count, now.travelled_m,
                                  now.map_length_m, now.loop_closure_count);
   if (!now.not_growing_reason.empty()) line += " | " + now.not_growing_reason;
-  if (store_report_.in_trouble) line += " | " + store_report_.state;
+  if (store_report_.in_trouble) line += " | " + store_report_.detail;
   Service::status(line);
   if (kind_ == InputKind::recorded) {
     if (::isatty(STDERR_FILENO) != 0) fmt::print(stderr, "\r\x1b[K{}", line);

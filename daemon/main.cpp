@@ -102,9 +102,7 @@ int run(const Arguments& arguments, const Settings& settings, const PassedSocket
       "roadvecd {} started: {} {}", ROADVEC_VERSION, settings.lidar.model,
       kind == InputKind::live ? "on UDP port " + std::to_string(settings.lidar.port) : "from " + arguments.drive);
   Reload reload(arguments.config, settings);
-  return daemon.run(output, [&] {
-    if (kind == InputKind::live) reload.run();
-  });
+  return daemon.run(output, [&] { return kind == InputKind::live ? reload.run() : std::string(); });
 }
 
 }  // namespace

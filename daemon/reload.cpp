@@ -15,13 +15,17 @@ std::string or_absent(const std::string& value) { return value.empty() ? "not th
 
 }  // namespace
 
-void Reload::run() {
+std::string Reload::run() {
   const Expected<Settings> read = load_settings(file_);
   if (!read) {
     std::istringstream lines(read.error().message);
-    for (std::string line; std::getline(lines, line);) spdlog::error("{}", line);
+    std::string first;
+    for (std::string line; std::getline(lines, line);) {
+      spdlog::error("{}", line);
+      if (first.empty()) first = line;
+    }
     spdlog::error("{} is wrong: everything goes on as configured before", file_.native());
-    return;
+    return first;
   }
   const std::vector<KeyChange> changes = changed_keys(running_, *read);
   if (changes.empty()) spdlog::info("{} read again: it says what we run with", file_.native());
@@ -32,6 +36,7 @@ void Reload::run() {
     spdlog::warn("{} read again: {}: {} -> {}: {}", file_.native(), change.key, or_absent(change.before),
                  or_absent(change.after), applied ? "applied" : "needs a restart");
   }
+  return {};
 }
 
 }  // namespace roadvec

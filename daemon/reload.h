@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "daemon/config/settings.h"
 
@@ -13,7 +14,8 @@ class Reload {
  public:
   /// `running` as it was read from `file` at the start.
   Reload(std::filesystem::path file, const Settings& running) : file_(std::move(file)), running_(running) {}
-  void run();
+  /// What is wrong with the file, in one line; empty: nothing.
+  std::string run();
 
  private:
   std::filesystem::path file_;

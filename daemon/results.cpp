@@ -53,6 +53,7 @@ std::string picture(const BackEnd& back_end, const wire::Status& status) {
 nlohmann::ordered_json json_of(const wire::Stage& stage) {
   nlohmann::ordered_json json;
   json["state"] = stage.state;
+  if (!stage.detail.empty()) json["detail"] = stage.detail;
   for (const wire::Counter& counter : stage.counters) json["counters"][counter.name] = counter.value;
   for (const wire::Gauge& gauge : stage.gauges) json["gauges"][gauge.name] = gauge.value;
   for (const wire::Timing& timing : stage.timings) {

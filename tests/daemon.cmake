@@ -9,6 +9,7 @@ if(TARGET test_daemon_replay)
   add_dependencies(test_daemon_replay roadvec-replay)
 endif()
 roadvec_test(daemon_vehicles tests/daemon/vehicles LINKS daemon)
+roadvec_test(daemon_health tests/daemon/health LINKS daemon)
 
 roadvec_fuzz(server_frame LINKS daemon_server)
 roadvec_fuzz(geometry LINKS daemon_store)

@@ -103,7 +103,16 @@ Keyframe* FrontEnd::add(const Sweep& sweep, std::span<const MotionSample> motion
   report_.sweep_count += 1;
   report_.travelled_m += (last_pose_.inverse() * corrected).translation().norm();
   last_pose_ = corrected;
-  return take_keyframe(slot);
+  Keyframe* const keyframe = take_keyframe(slot);
+  if (keyframe != nullptr) keyframe->received_ns = sweep.received_ns;
+  return keyframe;
+}
+
+void FrontEnd::coast(std::span<const MotionSample> motion) noexcept {
+  if (motion.empty()) return;
+  odometry_.integrate(motion, odometry_.time(), std::max(odometry_.time(), motion.back().time));
+  report_.travelled_m += (last_pose_.inverse() * odometry_.pose()).translation().norm();
+  last_pose_ = odometry_.pose();
 }
 
 void FrontEnd::match_sweep(const VirtualScan& structure, const VirtualScan& boundary) noexcept {

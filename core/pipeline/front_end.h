@@ -38,6 +38,9 @@ class FrontEnd {
   /// sweep.
   Keyframe* add(const Sweep& sweep, std::span<const MotionSample> motion, Keyframe* slot) noexcept;
 
+  /// Motion alone, while no sweep comes; up to the last sample. Later sweeps begin after it.
+  void coast(std::span<const MotionSample> motion) noexcept;
+
   [[nodiscard]] const Odometry& odometry() const { return odometry_; }
   [[nodiscard]] const FrontEndReport& report() const { return report_; }
   [[nodiscard]] const Match& last_match() const { return match_; }

@@ -25,6 +25,7 @@ void visit_fields(KeyframeConfig& c, Visitor&& field) {
 struct Keyframe {
   std::uint64_t index = 0;  ///< 0, 1, 2, ... without gaps
   SensorTime time;
+  std::int64_t received_ns = 0;  ///< Sweep::received_ns of its sweep
   Pose2 T_odom_vehicle;
   PoseCovariance covariance_since_previous =
       PoseCovariance::Zero();  ///< of T_previous_this, in the previous keyframe's frame

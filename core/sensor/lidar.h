@@ -33,6 +33,8 @@ struct Sweep {
   SensorTime end;           ///< of the last firing
   std::uint64_t index = 0;  ///< counts revolutions since start-up
   bool complete = false;    ///< false: begins or ends inside a revolution, or packets are missing
+  /// When the kernel received its last packet, by the receiver's steady clock, for figures of latency; 0: recorded.
+  std::int64_t received_ns = 0;
   std::vector<Return> returns;
 };
 

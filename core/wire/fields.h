@@ -129,10 +129,12 @@ void fields(Walk& f, M& m) {
 template <class Walk, Is<Timing> M>
 void fields(Walk& f, M& m) {
   f.text(1, m.step), f.number(2, m.count), f.real(3, m.p50_us), f.real(4, m.p99_us), f.real(5, m.max_us);
+  f.real(6, m.sum_us), f.numbers(7, m.at_most_counts);
 }
 template <class Walk, Is<Stage> M>
 void fields(Walk& f, M& m) {
   f.text(1, m.name), f.text(2, m.state), f.repeated(3, m.counters), f.repeated(4, m.gauges), f.repeated(5, m.timings);
+  f.text(6, m.detail);
 }
 template <class Walk, Is<Status> M>
 void fields(Walk& f, M& m) {
@@ -140,7 +142,7 @@ void fields(Walk& f, M& m) {
       f.fixed(5, m.epoch);
   f.number(6, m.head_seq), f.number(7, m.durable_seq), f.number(8, m.keyframe_count), f.number(9, m.loop_closure_count);
   f.number(10, m.line_count), f.number(11, m.tile_count), f.real(12, m.map_length_m), f.real(13, m.travelled_m);
-  f.real(14, m.uptime_s), f.repeated(15, m.stages);
+  f.real(14, m.uptime_s), f.repeated(15, m.stages), f.optional(16, m.pose);
 }
 
 template <class Walk, Is<Bye> M>

@@ -14,7 +14,7 @@
 /// that times are SensorTime and tiles, deltas and lineage are those of core/map.
 namespace roadvec::wire {
 
-inline constexpr std::uint32_t kProtoMajor = 1, kProtoMinor = 1;
+inline constexpr std::uint32_t kProtoMajor = 1, kProtoMinor = 2;
 
 struct Hello {
   std::uint32_t proto_major = kProtoMajor, proto_minor = kProtoMinor;
@@ -118,13 +118,15 @@ struct Gauge {
 struct Timing {
   std::string step;
   std::uint64_t count = 0;
-  double p50_us = 0, p99_us = 0, max_us = 0;
+  double p50_us = 0, p99_us = 0, max_us = 0, sum_us = 0;
+  std::vector<std::uint64_t> at_most_counts{};
 };
 struct Stage {
   std::string name, state;
-  std::vector<Counter> counters;
-  std::vector<Gauge> gauges;
-  std::vector<Timing> timings;
+  std::vector<Counter> counters{};
+  std::vector<Gauge> gauges{};
+  std::vector<Timing> timings{};
+  std::string detail{};
 };
 struct Status {
   SensorTime time;
@@ -133,6 +135,7 @@ struct Status {
   std::uint64_t keyframe_count = 0, loop_closure_count = 0, line_count = 0, tile_count = 0;
   double map_length_m = 0, travelled_m = 0, uptime_s = 0;
   std::vector<Stage> stages;
+  std::optional<Pose> pose{};
 };
 struct GetMetrics {};
 struct Metrics {

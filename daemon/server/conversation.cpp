@@ -245,10 +245,13 @@ void Conversation::finish_command(Session& session, double now_s) {
   const auto [what, seq] = *session.awaited;
   const bool saves = what == Session::Awaited::What::saved;
   const std::uint64_t durable_seq = facts_.commands.durable_seq ? facts_.commands.durable_seq() : 0;
-  if (saves ? durable_seq < seq : map_.replaced_seq() <= seq) return;
+  const bool done = saves ? durable_seq >= seq : map_.replaced_seq() > seq;
+  const std::string hindrance = saves && !done && facts_.commands.cannot_save ? facts_.commands.cannot_save() : "";
+  if (!done && hindrance.empty()) return;
   session.awaited.reset();
   session.frame_taken(now_s);  // meanwhile we did not read
-  reply(session, wire::CommandResult{true, saves ? "on disk" : "a new map has begun", durable_seq}, now_s);
+  const std::string text = !done ? hindrance : saves ? "on disk" : "a new map has begun";
+  reply(session, wire::CommandResult{done, text, durable_seq}, now_s);
 }
 
 Conversation::Ending Conversation::take(Session& session, const auto&, double now_s) {

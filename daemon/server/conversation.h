@@ -14,6 +14,7 @@ namespace roadvec {
 /// What the daemon can do for its owner. Called by the server's thread; neither waits.
 struct OwnerCommands {
   std::function<std::uint64_t()> durable_seq;  ///< newest change that is safe on disk; none: nothing is kept there
+  std::function<std::string()> cannot_save;    ///< why nothing can be written to disk at present; empty: it can
   std::function<void()> begin_new_map;         ///< an EpochChange with reason map_replaced says that it is done
 };
 
@@ -39,6 +40,7 @@ class Conversation {
 
   /// The newest pose and status, for answers.
   void set_pose(const PoseReport& pose) { pose_ = pose; }
+  [[nodiscard]] const std::optional<PoseReport>& pose() const { return pose_; }
   void set_status(wire::Status status);
   [[nodiscard]] const SharedFrame& status_frame() const { return status_frame_; }
   /// Tells a session that awaits the result of its command, once that is there.

@@ -19,6 +19,8 @@ using Reason = wire::Bye::Reason;
 /// Requests answered for one client before the others have their turn.
 constexpr int kMostTurns = 32;
 constexpr double kPoseTick_s = 0.01, kOrdinaryTick_s = 0.25;
+constexpr double kCrowded_s = 3;       // how long the status says so
+constexpr int kMostToldPerSecond = 5;  // of dismissed clients; the rest is counted
 
 double steady_now_s() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -60,6 +62,8 @@ bool MapServer::run(std::stop_token stop) {
       close_listeners();
       return false;
     }
+    if (config_.on_written && written_seq_ < map_.head().seq && !is_followed())
+      config_.on_written(written_seq_ = map_.head().seq, false);
     if (now_s >= next_second_s_) every_second(now_s);
     std::size_t i = 0;
     work_is_left_ = false;
@@ -115,6 +119,7 @@ void MapServer::accept_clients(const Listener& listener, bool as_owner, double n
       // little later.
       add(counters_.accept_errors_count, 1);
       accept_again_s_ = now_s + 1;
+      crowded_until_s_ = now_s + kCrowded_s;
       return;
     }
     add(counters_.connected_count, 1);
@@ -125,6 +130,7 @@ void MapServer::accept_clients(const Listener& listener, bool as_owner, double n
     Session& session = sessions_.emplace_back(std::move(socket), std::move(peer), now_s);
     session.is_owner = as_owner;
     if (const auto bye = refusal(session)) {
+      if (bye->reason == Reason::too_many_clients) crowded_until_s_ = now_s + kCrowded_s;
       dismiss(session, *bye, now_s);
       if (!session.send(now_s) || !session.has_output() || sessions_.size() > 2 * config_.most_clients)
         sessions_.pop_back();
@@ -156,6 +162,8 @@ std::optional<wire::Bye> MapServer::refusal(const Session& newcomer) const {
 
 void MapServer::every_second(double now_s) {
   next_second_s_ = now_s + 1;
+  told_count_ = 0;
+  if (poses_.fresh()) conversation_.set_pose(poses_.load());
   wire::Status status = status_provider_();
   status.server_version = config_.facts.server_version;
   status.epoch = map_.head().epoch;
@@ -167,7 +175,14 @@ void MapServer::every_second(double now_s) {
     ++clients_of_user[session.peer().uid];
     waiting_bytes += session.waiting_bytes();
   }
-  status.stages.push_back(stage_of(counters_, clients_of_user, waiting_bytes));
+  if (conversation_.pose()) status.pose = pose_of(*conversation_.pose());
+  wire::Stage stage = stage_of(counters_, clients_of_user, waiting_bytes);
+  if (now_s < crowded_until_s_) {
+    stage.state = "crowded";
+    stage.detail = "clients are turned away: server.most_clients, server.most_clients_per_user; the log names them";
+    if (status.state == "mapping") status.state = "degraded";
+  }
+  status.stages.push_back(std::move(stage));
   conversation_.set_status(std::move(status));
   const SharedFrame heartbeat = map_.encoder().encode(wire::Heartbeat{map_.head().epoch, map_.head().seq});
   for (Session& session : sessions_) {
@@ -175,6 +190,16 @@ void MapServer::every_second(double now_s) {
     session.queue(heartbeat, now_s);
     if (session.following && session.following->status) session.queue(conversation_.status_frame(), now_s);
   }
+}
+
+bool MapServer::is_followed() const {
+  return std::ranges::any_of(sessions_, [](const Session& s) { return s.following.has_value(); });
+}
+
+wire::Pose MapServer::pose_of(const PoseReport& report) const {
+  return {report.time,           map_.head().epoch,           map_.replica().T_map_odom() * report.T_odom_vehicle,
+          report.T_odom_vehicle, map_.replica().T_map_odom(), report.covariance,
+          report.speed_mps,      report.yaw_rate_radps};
 }
 
 bool MapServer::wants_poses() const {
@@ -185,9 +210,7 @@ void MapServer::send_pose(double now_s) {
   const PoseReport& report = poses_.load();
   conversation_.set_pose(report);
   if (!wants_poses()) return;
-  const SharedFrame frame = map_.encoder().encode(wire::Pose{
-      report.time, map_.head().epoch, map_.replica().T_map_odom() * report.T_odom_vehicle, report.T_odom_vehicle,
-      map_.replica().T_map_odom(), report.covariance, report.speed_mps, report.yaw_rate_radps});
+  const SharedFrame frame = map_.encoder().encode(pose_of(report));
   for (Session& session : sessions_) {
     if (!session.following || !session.following->poses || now_s < session.following->next_pose_s) continue;
     if (session.has_output()) {
@@ -220,6 +243,7 @@ void MapServer::advance(Session& session, double now_s) {
     if (!session.send(now_s)) close_left(session, now_s);
     count_sent(session);
     if (session.has_output() || session.state == State::closed) return;
+    note_written(session);
     if (session.state == State::leaving) return session.enter(State::closed, now_s);
     if (leaving_ && conversation_.caught_up(session)) {
       dismiss(session, {Reason::shutdown, "roadvecd stops"}, now_s);
@@ -261,7 +285,21 @@ void MapServer::enforce_time_limits(Session& session, double now_s) {
 void MapServer::dismiss(Session& session, const wire::Bye& bye, double now_s) {
   if (session.state == Session::State::leaving || session.state == Session::State::closed) return;
   add(counters_.closed_count[static_cast<std::size_t>(bye.reason)], 1);
+  tell_of(session, bye);
   session.leave(map_.encoder().encode(bye), now_s);
+}
+
+void MapServer::tell_of(const Session& session, const wire::Bye& bye) {
+  if (!config_.log || bye.reason == Reason::shutdown || ++told_count_ > kMostToldPerSecond) return;
+  const std::string more = told_count_ == kMostToldPerSecond ? " (more of this second are only counted)" : "";
+  config_.log("client of uid " + std::to_string(session.peer().uid) + ", pid " + std::to_string(session.peer().pid) +
+              " dismissed: " + bye.text + more);
+}
+
+/// Nothing waits in the session: the kernel has all that was meant for it.
+void MapServer::note_written(const Session& session) {
+  if (!config_.on_written || !session.following || session.delivery || session.following->seq <= written_seq_) return;
+  config_.on_written(written_seq_ = session.following->seq, true);
 }
 
 void MapServer::close_left(Session& session, double now_s) {

@@ -23,6 +23,10 @@ struct MapServerConfig {
   Conversation::Facts facts;
   std::size_t most_clients = 64, most_clients_per_user = 16, most_owner_clients = 4;
   int send_buffer_bytes = 0;  ///< what the kernel keeps for a client that does not read; 0: the system's own
+  /// Called by the server's thread when a client that follows has taken every change up to `seq`, or, with false, when
+  /// nobody follows and they concern nobody.
+  std::function<void(std::uint64_t seq, bool taken)> on_written;
+  std::function<void(const std::string&)> log;  ///< a line about a client that was dismissed
   double hello_timeout_s = 5, stall_timeout_s = 10, half_frame_timeout_s = 10, farewell_s = 2;
 };
 
@@ -62,7 +66,11 @@ class MapServer {
   void begin_farewell(double now_s);
   void close_finished();
   void count_sent(Session& session);
+  void note_written(const Session& session);
+  void tell_of(const Session& session, const wire::Bye& bye);
+  [[nodiscard]] wire::Pose pose_of(const PoseReport& report) const;
   [[nodiscard]] bool wants_poses() const;
+  [[nodiscard]] bool is_followed() const;
 
   MapServerConfig config_;
   Latest<PoseReport>& poses_;
@@ -76,7 +84,9 @@ class MapServer {
   std::vector<short> events_;  ///< of poll, one per session in the same order
   ServerCounters counters_;
   bool client_waits_ = false, owner_waits_ = false, work_is_left_ = false, leaving_ = false;
-  double accept_again_s_ = 0, next_second_s_ = 0, farewell_until_s_ = 0;
+  double accept_again_s_ = 0, next_second_s_ = 0, farewell_until_s_ = 0, crowded_until_s_ = 0;
+  std::uint64_t written_seq_ = 0;  ///< on_written was told
+  int told_count_ = 0;             ///< lines for the log since the last second
 };
 
 }  // namespace roadvec

@@ -8,6 +8,8 @@
 namespace roadvec {
 namespace {
 
+constexpr double kFirstBound_us = 1024;  // of Timing.at_most_counts
+
 /// Names have letters, digits and underscores only.
 std::string name_of(std::string_view text) {
   std::string name = "roadvec_";
@@ -50,13 +52,37 @@ class Writer {
     const std::string name = begin(what, "gauge");
     text_ += name + " " + decimal(value, 6) + "\n";
   }
+  /// Of a stage whose times have buckets [OpenMetrics 1.0, Histogram].
+  void histograms(const std::string& stage, const std::vector<wire::Timing>& timings) {
+    const std::string name = begin(stage + "_seconds", "histogram");
+    for (const wire::Timing& timing : timings) {
+      const std::string step = "step=" + label_text(timing.step);
+      double bound_us = kFirstBound_us;
+      for (const std::uint64_t count : timing.at_most_counts) {
+        text_ +=
+            name + "_bucket{" + step + ",le=\"" + decimal(bound_us * 1e-6, 6) + "\"} " + std::to_string(count) + "\n";
+        bound_us *= 2;
+      }
+      text_ += name + "_bucket{" + step + ",le=\"+Inf\"} " + std::to_string(timing.count) + "\n";
+      text_ += name + "_sum{" + step + "} " + seconds(timing.sum_us) + "\n";
+      text_ += name + "_count{" + step + "} " + std::to_string(timing.count) + "\n";
+    }
+  }
+  void health(const std::vector<wire::Stage>& stages) {
+    if (stages.empty()) return;
+    const std::string name = begin("stage_ok", "gauge");
+    for (const wire::Stage& stage : stages)
+      text_ += name + "{stage=" + label_text(stage.name) + "} " + (stage.state == "ok" ? "1" : "0") + "\n";
+  }
   void timings(const std::string& stage, const std::vector<wire::Timing>& timings) {
     if (timings.empty()) return;
+    if (!timings.front().at_most_counts.empty()) return histograms(stage, timings);
     const std::string name = begin(stage + "_step_seconds", "summary");
     for (const wire::Timing& timing : timings) {
       const std::string step = "step=" + label_text(timing.step);
       text_ += name + "{" + step + ",quantile=\"0.5\"} " + seconds(timing.p50_us) + "\n";
       text_ += name + "{" + step + ",quantile=\"0.99\"} " + seconds(timing.p99_us) + "\n";
+      text_ += name + "_sum{" + step + "} " + seconds(timing.sum_us) + "\n";
       text_ += name + "_count{" + step + "} " + std::to_string(timing.count) + "\n";
     }
     const std::string longest = begin(stage + "_step_longest_seconds", "gauge");
@@ -98,6 +124,7 @@ std::string open_metrics_of(const wire::Status& status) {
   out.gauge("map_length_meters", status.map_length_m);
   out.gauge("travelled_meters", status.travelled_m);
   out.gauge("uptime_seconds", status.uptime_s);
+  out.health(status.stages);
   for (const wire::Stage& stage : status.stages) write(stage, out);
   return out.done();
 }

@@ -28,7 +28,7 @@ Peer peer_of(int connected_socket) {
   ucred credentials{};
   socklen_t bytes = sizeof credentials;
   if (::getsockopt(connected_socket, SOL_SOCKET, SO_PEERCRED, &credentials, &bytes) != 0) return {};
-  return {credentials.uid, credentials.gid, groups_of(connected_socket)};
+  return {credentials.uid, credentials.gid, groups_of(connected_socket), credentials.pid};
 }
 
 Expected<gid_t> group_of(const std::string& name) {

@@ -15,6 +15,7 @@ struct Peer {
   uid_t uid = static_cast<uid_t>(-1);  ///< that of nobody: of a peer that the kernel does not know
   gid_t gid = static_cast<gid_t>(-1);
   std::vector<gid_t> groups;  ///< supplementary ones
+  pid_t pid = 0;              ///< 0: of another PID namespace, or not known
 
   [[nodiscard]] bool in_group(gid_t group) const;
   /// The user that the daemon runs as, or root.

@@ -1,6 +1,7 @@
 #include "daemon/stages/mapping_stage.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace roadvec {
 namespace {
@@ -14,12 +15,14 @@ constexpr std::int64_t kRunUp_ns = 5'000'000'000;  // motion before the first sw
 }  // namespace
 
 MappingStage::MappingStage(const PipelineConfig& config, const FrontEndSetup& setup, SweepChannel& sweeps,
-                           MotionChannel& motion, Doorbell& bell, KeyframeChannel& keyframes, Latest<PoseReport>& poses)
+                           MotionChannel& motion, Doorbell& bell, KeyframeChannel& keyframes, Latest<PoseReport>& poses,
+                           Latencies& latencies)
     : sweeps_(sweeps),
       motion_(motion),
       bell_(bell),
       keyframes_(keyframes),
       poses_(poses),
+      latencies_(latencies),
       front_end_(config, setup, timer_),
       preview_(config.odometry, setup.vehicle) {
   pending_.reserve(kPendingSamples);
@@ -42,6 +45,7 @@ void MappingStage::run(const std::stop_token& stop) noexcept {
     } else if (sweeps_.finished()) {
       break;
     } else {
+      if (sweep == nullptr) coast();
       bell_.wait(kNap);
     }
   }
@@ -71,6 +75,16 @@ void MappingStage::forget_motion_before(SensorTime time) noexcept {
   pending_.erase(pending_.begin(), first);
 }
 
+/// Live, a LiDAR may be silent for longer than pending_ holds: the older half is driven without it, so that the
+/// vehicle is where it is when sweeps come again. Those that are still under way are of the younger half.
+void MappingStage::coast() noexcept {
+  if (sweeps_.when_full() == WhenFull::wait || mapped_.value() == 0) return;
+  if (pending_.size() < pending_.capacity() / 2) return;
+  const auto half = static_cast<std::ptrdiff_t>(pending_.size() / 2);
+  front_end_.coast(std::span(pending_).first(static_cast<std::size_t>(half)));
+  pending_.erase(pending_.begin(), pending_.begin() + half);
+}
+
 bool MappingStage::motion_is_there(const Sweep& sweep) noexcept {
   const bool recorded = sweeps_.when_full() == WhenFull::wait;
   const std::int64_t slack_ns = recorded ? 0 : kArrivalSlack_ns;
@@ -86,6 +100,7 @@ bool MappingStage::motion_is_there(const Sweep& sweep) noexcept {
 }
 
 void MappingStage::map_sweep(const Sweep& sweep, const std::stop_token& stop) noexcept {
+  const Clock::time_point begin = Clock::now();
   const auto end = std::find_if(pending_.begin(), pending_.end(),
                                 [&sweep](const MotionSample& sample) { return sample.time > sweep.end; });
   const auto count = static_cast<std::size_t>(end - pending_.begin());
@@ -94,13 +109,29 @@ void MappingStage::map_sweep(const Sweep& sweep, const std::stop_token& stop) no
   pending_.erase(pending_.begin(), end);
   mapped_until_ = sweep.end;
   mapped_.add();
+  last_sweep_.note();
+  latencies_.note(Station::mapped, sweep.received_ns);
 
-  const Odometry& odometry = front_end_.odometry();
-  reports_.store({front_end_.report(), odometry.speed_source(), odometry.yaw_source(), odometry.gyro_bias_radps(),
-                  odometry.speed_scale(), odometry.steering_offset_rad(), front_end_.last_match().verdict, sweep.end});
-  preview_ = odometry;
+  report(sweep);
+  preview_ = front_end_.odometry();
   if (!pending_.empty()) preview_.integrate(pending_, preview_.time(), std::max(preview_.time(), pending_.back().time));
   publish_pose(preview_);
+  const Clock::duration took = Clock::now() - begin;
+  sweep_times_.add(took);
+  if (sweep.complete && took.count() > sweep.end - sweep.start) misses_.add();
+}
+
+void MappingStage::report(const Sweep& sweep) noexcept {
+  const Odometry& odometry = front_end_.odometry();
+  const Match& match = front_end_.last_match();
+  std::optional<double> unobservable_rad;
+  if (match.usable() && match.unobservable) {
+    // A direction, not a way: a quarter turn to either side of straight ahead.
+    const double angle_rad = std::atan2(match.unobservable->y(), match.unobservable->x()) - odometry.pose().theta_rad;
+    unobservable_rad = std::remainder(angle_rad, kPi);
+  }
+  reports_.store({front_end_.report(), odometry.speed_source(), odometry.yaw_source(), odometry.gyro_bias_radps(),
+                  odometry.speed_scale(), odometry.steering_offset_rad(), match.verdict, unobservable_rad, sweep.end});
 }
 
 void MappingStage::publish_pose(const Odometry& odometry) noexcept {

@@ -25,6 +25,12 @@ struct VehicleCounts {
   NcomCounters ncom;
 };
 
+/// Messages of the IMU that were damaged or never came.
+[[nodiscard]] inline std::uint64_t lost_of_imu(const VehicleCounts& counts) noexcept {
+  return counts.imu.kernel_drop_count + counts.xsens.bad_checksum_count + counts.xsens.lost_message_count +
+         counts.ncom.bad_checksum_count + counts.imu_can.kernel_drop_count;
+}
+
 /// One source of motion samples: a bus or an IMU, live or recorded.
 class MotionInput {
  public:

@@ -1,13 +1,21 @@
 #include "daemon/stages/optimiser_stage.h"
 
+#include <chrono>
 #include <thread>
 #include <utility>
 
 namespace roadvec {
 
 OptimiserStage::OptimiserStage(const PipelineConfig& config, KeyframeChannel& keyframes, Doorbell& bell, FrameLog& log,
-                               MapHead start, DriveJournal* journal)
-    : keyframes_(keyframes), bell_(bell), log_(log), journal_(journal), config_(config), publisher_(log, start) {
+                               MapHead start, Latencies& latencies, ChangeStamps& stamps, DriveJournal* journal)
+    : keyframes_(keyframes),
+      bell_(bell),
+      log_(log),
+      journal_(journal),
+      config_(config),
+      publisher_(log, start),
+      latencies_(latencies),
+      stamps_(stamps) {
   back_end_.emplace(config_, start.T_map_odom, timer_);
 }
 
@@ -27,17 +35,32 @@ void OptimiserStage::run(const std::stop_token& stop) {
       bell_.wait(kNap);
       continue;
     }
-    next_keyframe_ = keyframe->index + 1;
-    newest_ = keyframe->time;
-    const MapChange& change = back_end_->add(*keyframe);
-    keyframes_.pop();
-    taken_.add();
-    note();
-    publish(change, stop);
+    take(*keyframe, stop);
+    if (keyframes_.front() != nullptr) misses_.add();
   }
   const MapChange& last = back_end_->finish();
   note();
   publish(last, stop);
+}
+
+void OptimiserStage::take(const Keyframe& keyframe, const std::stop_token& stop) {
+  const auto begin = std::chrono::steady_clock::now();
+  const std::int64_t received_ns = keyframe.received_ns;
+  next_keyframe_ = keyframe.index + 1;
+  newest_ = keyframe.time;
+  const MapChange& change = back_end_->add(keyframe);
+  keyframes_.pop();
+  taken_.add();
+  note();
+  latencies_.note(Station::optimised, received_ns);
+  std::uint64_t seq = publisher_.head().seq;
+  publish(change, stop);
+  if (seq < publisher_.head().seq) latencies_.note(Station::published, received_ns);
+  for (ChangeStamp* slot = nullptr; received_ns != 0 && seq < publisher_.head().seq; stamps_.publish()) {
+    if ((slot = stamps_.claim()) == nullptr) break;
+    *slot = {++seq, received_ns};
+  }
+  keyframe_times_.add(std::chrono::steady_clock::now() - begin);
 }
 
 void OptimiserStage::forget_map(const std::stop_token& stop) {

@@ -7,6 +7,7 @@
 #include "core/ring/latest.h"
 #include "daemon/server/map_publisher.h"
 #include "daemon/stages/channels.h"
+#include "daemon/stages/latency.h"
 #include "daemon/stages/step_timer.h"
 #include "daemon/store/drive_journal.h"
 #include "drivers/velodyne/counters.h"
@@ -26,7 +27,7 @@ class OptimiserStage {
  public:
   /// `journal`: for the store; none: nobody keeps the map.
   OptimiserStage(const PipelineConfig& config, KeyframeChannel& keyframes, Doorbell& bell, FrameLog& log, MapHead start,
-                 DriveJournal* journal = nullptr);
+                 Latencies& latencies, ChangeStamps& stamps, DriveJournal* journal = nullptr);
 
   /// Before run(): goes on with an earlier drive. `start` is its first guess.
   void recall(Recollection earlier);
@@ -41,11 +42,14 @@ class OptimiserStage {
   [[nodiscard]] Latest<OptimiserReport>& reports() { return reports_; }  ///< reader: main thread
   [[nodiscard]] const Counter& turns() const { return turns_; }
   [[nodiscard]] const Counter& keyframe_count() const { return taken_; }
+  [[nodiscard]] const DurationHistogram& keyframe_times() const { return keyframe_times_; }
+  [[nodiscard]] const Counter& misses() const { return misses_; }  ///< keyframes after which the next waited already
   [[nodiscard]] const BackEnd& back_end() const { return *back_end_; }  ///< after run()
 
  private:
   void forget_map(const std::stop_token& stop);
   void note();
+  void take(const Keyframe& keyframe, const std::stop_token& stop);
   void publish(const MapChange& change, const std::stop_token& stop);
 
   KeyframeChannel& keyframes_;
@@ -60,7 +64,10 @@ class OptimiserStage {
   SensorTime newest_;
   MapPublisher publisher_;
   Latest<OptimiserReport> reports_;
-  Counter turns_, taken_;
+  Latencies& latencies_;
+  ChangeStamps& stamps_;
+  Counter turns_, taken_, misses_;
+  DurationHistogram keyframe_times_;
   std::atomic<bool> new_map_wanted_{false};
 };
 

@@ -17,6 +17,7 @@ void DurationHistogram::add(std::chrono::nanoseconds duration) noexcept {
   // One writer: relaxed load and store spare the bus lock; readers want no order between buckets.
   count.store(count.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
   if (ns > max_ns_.load(std::memory_order_relaxed)) max_ns_.store(ns, std::memory_order_relaxed);
+  sum_ns_.store(sum_ns_.load(std::memory_order_relaxed) + ns, std::memory_order_relaxed);
 }
 
 DurationHistogram::Summary DurationHistogram::summary() const noexcept {
@@ -27,6 +28,7 @@ DurationHistogram::Summary DurationHistogram::summary() const noexcept {
     summary.count += counts[i];
   }
   summary.max_us = static_cast<double>(max_ns_.load(std::memory_order_relaxed)) * 1e-3;
+  summary.sum_us = static_cast<double>(sum_ns_.load(std::memory_order_relaxed)) * 1e-3;
   const auto percentile = [&](double share) {
     const auto wanted = static_cast<std::uint64_t>(std::ceil(share * static_cast<double>(summary.count)));
     std::uint64_t seen = 0;
@@ -40,6 +42,17 @@ DurationHistogram::Summary DurationHistogram::summary() const noexcept {
   summary.p50_us = percentile(0.50);
   summary.p99_us = percentile(0.99);
   return summary;
+}
+
+std::array<std::uint64_t, DurationHistogram::kLastOctave - DurationHistogram::kFirstOctave + 1>
+DurationHistogram::at_most_counts() const noexcept {
+  std::array<std::uint64_t, kLastOctave - kFirstOctave + 1> counts{};
+  std::uint64_t seen = 0;
+  for (std::size_t i = 0, octave = kFirstOctave; octave <= kLastOctave; ++octave) {
+    for (; i <= octave * kStepsPerOctave; ++i) seen += counts_[i].load(std::memory_order_relaxed);
+    counts[octave - kFirstOctave] = seen;
+  }
+  return counts;
 }
 
 }  // namespace roadvec

@@ -45,6 +45,19 @@ bool is_beyond_use(StoreTrouble trouble) {
   return trouble == StoreTrouble::damaged || trouble == StoreTrouble::foreign || trouble == StoreTrouble::newer;
 }
 
+const char* name_of(StoreTrouble trouble) {
+  switch (trouble) {
+    case StoreTrouble::full:
+      return "full";
+    case StoreTrouble::locked:
+      return "locked";
+    case StoreTrouble::replaced:
+      return "replaced";
+    default:
+      return "unwritable";
+  }
+}
+
 const char* words_for(StoreTrouble trouble) {
   switch (trouble) {
     case StoreTrouble::full:
@@ -79,7 +92,7 @@ MapStore::MapStore(const MapStoreConfig& config, FrameLog& log, DriveJournal& jo
     earlier_keyframe_count_ = keyframes_.size();
     earlier_loop_count_ = loops_.size();
   }
-  report_.state = "opening " + path_.string();
+  report_.detail = "opening " + path_.string();
 }
 
 StoreReport MapStore::report() const {
@@ -200,7 +213,7 @@ void MapStore::write(bool finished) {
       const std::scoped_lock lock(report_mutex_);
       report_.durable_seq = copy_.head().seq;
     }
-    return say({});
+    return say("ok", {});
   }
   const Clock::time_point begin = Clock::now();
   MapPart part = part_;
@@ -217,7 +230,7 @@ void MapStore::write(bool finished) {
   written_loop_count_ = loops_.size();
   copy_.written();
   count_batch(begin);
-  say({});
+  say("ok", {});
 }
 
 /// Their lines go when all of them are in this part; a new map at its owner's wish is not continued from them. What
@@ -287,7 +300,7 @@ void MapStore::meet(const StoreError& error) {
   if (trouble == StoreTrouble::replaced) close_moved();
   if (is_beyond_use(trouble) && file_) set_aside(error);
   if (trouble == StoreTrouble::unwritable) file_.reset();
-  say(path_.string() + " " + words_for(trouble) + " (" + error.text + ")");
+  say(name_of(trouble), path_.string() + " " + words_for(trouble) + " (" + error.text + ")");
 }
 
 void MapStore::count_batch(Clock::time_point begin) {
@@ -301,12 +314,13 @@ void MapStore::count_batch(Clock::time_point begin) {
   report_.log_bytes = log_bytes;
 }
 
-void MapStore::say(const std::string& trouble) {
+void MapStore::say(const char* state, const std::string& trouble) {
   const std::scoped_lock lock(report_mutex_);
   report_.unwritten_line_count = copy_.changed().size();
   report_.in_trouble = !trouble.empty();
-  report_.state = trouble.empty() ? "ok" : trouble;
-  if (!set_aside_text_.empty()) report_.state += "; " + set_aside_text_;
+  report_.state = state;
+  report_.detail = trouble;
+  if (!set_aside_text_.empty()) report_.detail += (trouble.empty() ? "" : "; ") + set_aside_text_;
 }
 
 }  // namespace roadvec

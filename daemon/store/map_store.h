@@ -27,7 +27,8 @@ struct MapStoreConfig {
 
 /// What the main thread wants to know of the store.
 struct StoreReport {
-  std::string state;  ///< "ok", or what is wrong, what waits for it, and what was set aside
+  std::string state = "opening";  ///< or "ok", "full", "locked", "replaced", "unwritable"
+  std::string detail;             ///< what is wrong and what helps; what was set aside
   std::uint64_t durable_seq = 0;
   std::uint64_t batch_count = 0, failed_count = 0, opened_count = 0, set_aside_count = 0;
   std::uint64_t unwritten_line_count = 0;
@@ -70,7 +71,7 @@ class MapStore {
   void set_aside(const StoreError& error);
   void meet(const StoreError& error);
   void count_batch(Clock::time_point begin);
-  void say(const std::string& trouble);
+  void say(const char* state, const std::string& trouble);
 
   MapStoreConfig config_;
   std::filesystem::path path_;

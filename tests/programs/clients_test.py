@@ -40,7 +40,7 @@ class ClientsTest(ProgramTest):
         return self.roadvec("control", command, "--control-socket", self.control_socket, status=status)
 
     def lines(self):
-        return json.loads(self.roadvec("status", "--json"))["line_count"]
+        return json.loads(run("roadvec", "--socket", self.socket, "status", "--json", timeout_s=30).stdout)["line_count"]
 
     def replay(self):
         return running("roadvec-replay", DRIVE, "--udp", f"127.0.0.1:{self.tables['lidar']['port']}", "--position-port", 0,

@@ -38,7 +38,7 @@ class ImuTest(ProgramTest):
         result = run("roadvecd", "--drive", drive, "--out", out)
         self.assertEqual(result.returncode, 0, result.stderr)
         report = read_json(out / "report.json")
-        self.assertIn("yaw from imu", report["stages"]["mapping"]["state"])
+        self.assertIn("yaw from imu", report["stages"]["mapping"]["detail"])
         self.assertGreater(report["keyframes"], 10)
         end = (out / "trajectory.tum").read_text(encoding="ascii").splitlines()[-1].split()
         return report, [float(value) for value in end[1:3]]
@@ -53,7 +53,7 @@ class ImuTest(ProgramTest):
         (drive / "ncom.log").write_text("".join(
             f"{stamp} {ncom_packet(10 * i, rates).hex()}\n" for i, (stamp, rates) in enumerate(xsens_rates())), encoding="ascii")
         report, end = self.map_drive(drive, "ncom")
-        self.assertEqual(counters_of(report, "vehicle")["imu_bad_checksums"], 0)
+        self.assertEqual(counters_of(report, "imu")["bad_checksums"], 0)
         self.assertLess(math.dist(end, self.expected), 0.3)
 
     def test_an_imu_on_the_cars_bus_drives_as_xsens_does(self):
@@ -65,7 +65,7 @@ class ImuTest(ProgramTest):
             (drive / name).unlink()
             (drive / name).write_text(text, encoding="utf-8")
         report, end = self.map_drive(drive, "can")
-        self.assertGreater(counters_of(report, "vehicle")["imu_can_frames"], 500)
+        self.assertGreater(counters_of(report, "imu")["frames"], 500)
         self.assertLess(math.dist(end, self.expected), 0.3)
 
     @staticmethod

@@ -9,6 +9,9 @@ import time
 from programs import DRIVE, ProgramTest, drive_toml, run, running
 
 
+DEGRADED = 4
+
+
 class LiveDaemonTest(ProgramTest):
     """A test with a roadvecd as in the car, and a drive to play into it."""
 
@@ -35,13 +38,17 @@ class LiveDaemonTest(ProgramTest):
             time.sleep(0.05)
         return self.fail(f"{what}: not within {limit_s} s")
 
-    def roadvec(self, *arguments):
+    def roadvec(self, *arguments, returncode=0):
         result = run("roadvec", "--socket", self.socket, *arguments, timeout_s=30)
-        self.assertEqual(result.returncode, 0, f"{arguments}: {result.stderr}")
+        self.assertEqual(result.returncode, returncode, f"{arguments}: {result.stderr}")
         return result.stdout
 
     def status(self):
-        return json.loads(self.roadvec("status", "--json"))
+        result = run("roadvec", "--socket", self.socket, "status", "--json", timeout_s=30)
+        self.assertIn(result.returncode, (0, DEGRADED), result.stderr)
+        status = json.loads(result.stdout)
+        self.assertEqual(result.returncode == 0, status["state"] == "mapping")
+        return status
 
     def connection(self):
         connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)

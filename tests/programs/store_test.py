@@ -60,13 +60,13 @@ class StoreTest(LiveDaemonTest):
 
         return self.wait_until("something on the disk", durable, 40)
 
-    def wait_until_degraded(self, words):
+    def wait_until_degraded(self, words, state):
         def degraded():
             status = self.status()
-            return status if words in stage_of(status, "store")["state"] else None
+            return status if words in stage_of(status, "store")["detail"] and status["state"] == "degraded" else None
 
         status = self.wait_until(words, degraded, 40)
-        self.assertEqual(status["state"], "degraded")
+        self.assertEqual(stage_of(status, "store")["state"], state)
         return status
 
     # --- killed -----------------------------------------------------------------------------------------------------------
@@ -167,7 +167,7 @@ class StoreTest(LiveDaemonTest):
             before = self.wait_until_durable()["durable_seq"]
             with contextlib.closing(sqlite3.connect(self.file, isolation_level=None)) as other:
                 other.execute("BEGIN IMMEDIATE")
-                locked = self.wait_until_degraded("locked by another program")
+                locked = self.wait_until_degraded("locked by another program", "locked")
                 self.assertGreater(locked["head_seq"], before)
             self.wait_until_durable(locked["head_seq"])
             self.stop(daemon)
@@ -190,7 +190,7 @@ class StoreTest(LiveDaemonTest):
             status = self.status()
             aside = [path for path in self.map.iterdir() if path.name.startswith("map-damaged-")]
             self.assertEqual(len(aside), 1)
-            self.assertIn(aside[0].name, stage_of(status, "store")["state"])
+            self.assertIn(aside[0].name, stage_of(status, "store")["detail"])
             self.assertEqual(counters_of(status, "store")["set_aside"], 1)
             self.assertIn(aside[0].name, self.stop(daemon))
         self.assertEqual(aside[0].read_bytes(), b"not a map" * 1000)
@@ -198,7 +198,7 @@ class StoreTest(LiveDaemonTest):
     def test_a_daemon_that_could_never_write_maps_and_says_at_its_end_what_is_missing(self):
         self.map.write_text("a file in the way", encoding="utf-8")
         with self.mapping_daemon() as (daemon, _):
-            self.wait_until_degraded("cannot be written")
+            self.wait_until_degraded("cannot be written", "unwritable")
             self.wait_until("a map", lambda: self.status()["line_count"] > 0)
             daemon.terminate()
             _, log = daemon.communicate(timeout=30)
@@ -225,7 +225,7 @@ class StoreTest(LiveDaemonTest):
             with open(ballast, "wb", buffering=0) as file, contextlib.suppress(OSError):
                 while True:
                     file.write(bytes(4096))
-            full = self.wait_until_degraded("disk full")
+            full = self.wait_until_degraded("disk full", "full")
             self.assertEqual(self.rows(self.file, "PRAGMA integrity_check"), [("ok",)])
             ballast.unlink()
             self.wait_until_durable(full["head_seq"])
@@ -236,7 +236,7 @@ class StoreTest(LiveDaemonTest):
         if not self.mount("size=8M,ro"):
             return
         with self.mapping_daemon() as (daemon, _):
-            waiting = self.wait_until_degraded("cannot be written")
+            waiting = self.wait_until_degraded("cannot be written", "unwritable")
             self.wait_until("a growing map", lambda: self.status()["head_seq"] > waiting["head_seq"])
             shell("mount", "-o", "remount,rw", self.map)
             self.wait_until_durable(self.status()["head_seq"])

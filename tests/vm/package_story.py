@@ -62,7 +62,7 @@ def journal():
 
 
 def status_of_daemon():
-    return json.loads(shell("roadvec status --json"))
+    return json.loads(shell("roadvec status --json", None))  # status 4 while a sensor is silent
 
 
 def counters(status, stage):
@@ -201,7 +201,7 @@ class PackageStory(unittest.TestCase):
         self.assertEqual(sent_count, recorded["lidar"]["counters"]["received"])
         self.assertEqual(lidar["received"] + lidar["kernel_drops"], sent_count)
         self.assertEqual(vehicle["samples"] + vehicle["ring_full"], recorded["vehicle"]["counters"]["samples"])
-        self.assertEqual(vehicle["can_kernel_drops"], 0)
+        self.assertEqual(counters(status, "can")["kernel_drops"], 0)
         # The last revolution is open as long as more may come.
         sweeps = recorded["lidar"]["counters"]["sweeps"] - 1
         if lidar["kernel_drops"] == 0:
@@ -254,7 +254,7 @@ class PackageStory(unittest.TestCase):
             shell(f"systemctl kill --kill-whom=main --signal=KILL {SERVICE}")
             with started("roadvec --timeout 60 status --json".split()) as client:  # waits in the socket until it is served
                 complaint = client.communicate(timeout=60)[1]
-                self.assertEqual(client.returncode, 0, complaint + journal())
+                self.assertIn(client.returncode, (0, 4), complaint + journal())
             self.assert_running(not_pid=pid)
             wait_until("packets", lambda: counters(status_of_daemon(), "lidar")["received"] > 0)
             self.assertEqual(counters(status_of_daemon(), "lidar")["kernel_drops"], 0, "those before the start are not ours")

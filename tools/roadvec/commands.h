@@ -8,7 +8,7 @@
 namespace roadvec {
 
 /// Exit codes of `roadvec`: part of its interface, named in --help.
-enum ExitCode : int { kExitOk = 0, kExitFailure = 1, kExitUsage = 2, kExitNoDaemon = 3 };
+enum ExitCode : int { kExitOk = 0, kExitFailure = 1, kExitUsage = 2, kExitNoDaemon = 3, kExitDegraded = 4 };
 
 struct Connection {
   std::string socket_path = "/run/roadvec/map.sock";
@@ -26,6 +26,11 @@ struct WatchChoice {
   std::uint64_t message_count = 0;  ///< 0: until the daemon says Bye
 };
 
+struct StatusChoice {
+  bool watch = false;  ///< again and again, until the program is ended
+  double interval_s = 1;
+};
+
 enum class ExportFormat : std::uint8_t { gpkg, geojson, lanelet2 };
 struct ExportChoice {
   ExportFormat format = ExportFormat::geojson;
@@ -35,7 +40,7 @@ struct ExportChoice {
 };
 
 // Each command prints its result, or one line on standard error, and gives the exit code.
-[[nodiscard]] int show_status(const Connection& connection);
+[[nodiscard]] int show_status(const Connection& connection, const StatusChoice& choice);
 [[nodiscard]] int show_metrics(const Connection& connection);
 /// On the control socket.
 [[nodiscard]] int control(const Connection& connection, const wire::Command& command);
@@ -46,6 +51,9 @@ struct ExportChoice {
 
 /// "x_min,y_min,x_max,y_max" in metres.
 [[nodiscard]] Expected<wire::Area> parse_area(const std::string& text);
+
+/// 24 lines of 80 columns at most.
+[[nodiscard]] std::string status_screen(const wire::Status& status);
 
 // Shared by the commands.
 [[nodiscard]] Expected<MapClient> connect(const Connection& connection);

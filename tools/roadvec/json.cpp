@@ -78,10 +78,31 @@ std::string part_json(const Pose2& pose) {
   return Object().number("x_m", pose.x_m, 4).number("y_m", pose.y_m, 4).number("theta_rad", pose.theta_rad, 6).done();
 }
 
+std::string part_json(const wire::Pose& pose) {
+  const PoseCovariance& c = pose.covariance;
+  return Object()
+      .raw("time_s", seconds_text(pose.time.ns))
+      .count("epoch", pose.epoch)
+      .raw("T_map_vehicle", part_json(pose.T_map_vehicle))
+      .raw("T_odom_vehicle", part_json(pose.T_odom_vehicle))
+      .raw("T_map_odom", part_json(pose.T_map_odom))
+      .raw("covariance", Object()
+                             .number("xx", c(0, 0), 9)
+                             .number("xy", c(0, 1), 9)
+                             .number("xt", c(0, 2), 9)
+                             .number("yy", c(1, 1), 9)
+                             .number("yt", c(1, 2), 9)
+                             .number("tt", c(2, 2), 9)
+                             .done())
+      .number("speed_mps", pose.speed_mps, 3)
+      .number("yaw_rate_radps", pose.yaw_rate_radps, 5)
+      .done();
+}
+
 std::string part_json(const wire::Stage& stage) {
   Object counters, gauges;
   for (const wire::Counter& counter : stage.counters) counters.count(counter.name, counter.value);
-  for (const wire::Gauge& gauge : stage.gauges) gauges.number(gauge.name, gauge.value, 3);
+  for (const wire::Gauge& gauge : stage.gauges) gauges.number(gauge.name, gauge.value, 6);
   const auto timing = [](const wire::Timing& t) {
     return Object()
         .text("step", t.step)
@@ -89,11 +110,14 @@ std::string part_json(const wire::Stage& stage) {
         .number("p50_us", t.p50_us, 1)
         .number("p99_us", t.p99_us, 1)
         .number("max_us", t.max_us, 1)
+        .number("sum_us", t.sum_us, 1)
+        .raw("at_most_counts", array(t.at_most_counts, integer))
         .done();
   };
   return Object()
       .text("name", stage.name)
       .text("state", stage.state)
+      .text("detail", stage.detail)
       .raw("counters", counters.done())
       .raw("gauges", gauges.done())
       .raw("timings", array(stage.timings, timing))
@@ -128,6 +152,7 @@ std::string json_of(const wire::Status& status) {
       .number("map_length_m", status.map_length_m, 1)
       .number("travelled_m", status.travelled_m, 1)
       .number("uptime_s", status.uptime_s, 1)
+      .raw("pose", status.pose ? part_json(*status.pose) : "null")
       .raw("stages", array(status.stages, [](const wire::Stage& stage) { return part_json(stage); }))
       .done();
 }
@@ -169,16 +194,6 @@ std::string json_of(const wire::CommandResult& result) {
       .done();
 }
 
-std::string json_of(const wire::Pose& pose) {
-  return Object()
-      .text("type", "pose")
-      .raw("time_s", seconds_text(pose.time.ns))
-      .count("epoch", pose.epoch)
-      .raw("T_map_vehicle", part_json(pose.T_map_vehicle))
-      .raw("T_odom_vehicle", part_json(pose.T_odom_vehicle))
-      .number("speed_mps", pose.speed_mps, 3)
-      .number("yaw_rate_radps", pose.yaw_rate_radps, 5)
-      .done();
-}
+std::string json_of(const wire::Pose& pose) { return R"({"type":"pose",)" + part_json(pose).substr(1); }
 
 }  // namespace roadvec

@@ -13,7 +13,9 @@ constexpr const char* kDescription =
 
 constexpr const char* kFooter = R"(
 COMMANDS IN SHORT
-  roadvec status                     one screen: state, map, drive, counters and times of every stage
+  roadvec status                     one screen: sensors, pose, map, disk, threads, latency, and what is wrong
+  roadvec status --watch             the same, again every second, until Ctrl-C
+  roadvec status --json              the same and every counter, for scripts
   roadvec metrics                    counters, gauges and times as OpenMetrics text
   roadvec tiles --around 100         the 64 m tiles within 100 m of the vehicle
   roadvec watch --poses --json       every change and pose as it comes, one JSON object per line
@@ -28,6 +30,8 @@ EXIT STATUS
   1  the daemon answered with an error, fell silent, or a file could not be written
   2  wrong usage
   3  no daemon answers on the socket
+  4  status: the daemon answers, but is not as it should be: the map does not
+     grow, a sensor is silent, the disk is full, ... (the state is not "mapping")
 
 ENVIRONMENT
   ROADVEC_SOCKET           the map socket, when --socket is not given
@@ -54,6 +58,7 @@ int main(int argc, char** argv) try {
   roadvec::Connection connection;
   roadvec::TileChoice tiles;
   roadvec::WatchChoice watch;
+  roadvec::StatusChoice look;
   roadvec::ExportChoice choice;
   std::string svg_path = "map.svg", title = "roadvec map";
   int exit_code = roadvec::kExitUsage;
@@ -71,8 +76,13 @@ int main(int argc, char** argv) try {
       ->capture_default_str();
   app.add_flag("--json", connection.json, "print JSON, one object per line");
 
-  CLI::App* status = app.add_subcommand("status", "state of the daemon and of every stage");
-  status->callback([&] { exit_code = roadvec::show_status(connection); });
+  CLI::App* status = app.add_subcommand("status", "how the daemon and each of its parts are, on one screen");
+  CLI::Option* again = status->add_flag("--watch", look.watch, "draw it again and again, until Ctrl-C");
+  status->add_option("--interval", look.interval_s, "seconds between two of --watch")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->capture_default_str()
+      ->needs(again);
+  status->callback([&] { exit_code = roadvec::show_status(connection, look); });
 
   CLI::App* metrics = app.add_subcommand("metrics", "counters, gauges and times of every stage as OpenMetrics text");
   metrics->callback([&] { exit_code = roadvec::show_metrics(connection); });

@@ -116,6 +116,19 @@ TEST(FrontEnd, a_straight_line_that_leaves_the_range_is_cut_there_and_not_lost) 
   EXPECT_GT(longest_m, 0.8 * 2 * std::sqrt(30.0 * 30.0 - 8.0 * 8.0));  // the wall, 8 m aside, within 30 m
 }
 
+TEST(FrontEnd, drives_on_by_motion_alone_while_no_sweep_comes) {
+  Drive drive({});
+  for (int i = 0; i < 10; ++i) drive.step();
+  const double x_m = drive.front_end.odometry().pose().x_m, travelled_m = drive.front_end.report().travelled_m;
+  const SensorTime last = drive.front_end.odometry().time();
+  std::vector<MotionSample> motion;
+  for (int i = 1; i <= 300; ++i) motion.push_back({last + i * 10'000'000LL, WheelSpeed{5, 5, 5, 5}});
+  drive.front_end.coast(motion);
+  EXPECT_NEAR(drive.front_end.odometry().pose().x_m, x_m + 15, 0.3);
+  EXPECT_NEAR(drive.front_end.report().travelled_m, travelled_m + 15, 0.3);
+  EXPECT_EQ(drive.front_end.report().sweep_count, 10U);
+}
+
 TEST(FrontEnd, survives_sweeps_without_returns_and_without_motion) {
   Drive drive({});
   Sweep empty;

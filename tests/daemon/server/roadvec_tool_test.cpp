@@ -41,6 +41,7 @@ class RoadvecToolTest : public MapSocket {
 TEST_F(RoadvecToolTest, says_with_its_exit_status_what_went_wrong) {
   EXPECT_EQ(run("status").exit_status, 3) << "no daemon";
   EXPECT_EQ(run("").exit_status, 2);
+  EXPECT_EQ(run("status --interval 1").exit_status, 2) << "of --watch";
   EXPECT_EQ(run("tiles --area 1,2,3").exit_status, 2);
   EXPECT_EQ(run("tiles --area 3,0,1,1").exit_status, 2);
   EXPECT_EQ(run("--version").exit_status, 0);
@@ -55,7 +56,7 @@ TEST_F(RoadvecToolTest, says_with_its_exit_status_what_went_wrong) {
 TEST_F(RoadvecToolTest, prints_status_tiles_and_changes) {
   start();
   publish(50);
-  EXPECT_THAT(run("status").output, HasSubstr("state        mapping"));
+  EXPECT_THAT(run("status").output, HasSubstr(": mapping\n"));
   EXPECT_THAT(run("status --json").output, HasSubstr(R"("state":"mapping")"));
   EXPECT_THAT(run("tiles").output, HasSubstr("vertices"));
   EXPECT_THAT(run("tiles --json --area 0,-100,60,100").output, HasSubstr(R"({"ix":0,"iy":-1,)"));

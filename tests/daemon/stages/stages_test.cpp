@@ -119,13 +119,16 @@ struct Stages {
   Latest<PoseReport> poses;
   FrameLog frames{1 << 20};
   LidarCounters counters;
+  Latencies latencies;
+  ChangeStamps stamps;
   LidarStage lidar{std::make_unique<StreetPackets>(kPackets),
                    LidarModel::vlp16,
                    *built_in_calibration(LidarModel::vlp16),
                    {},
                    counters,
-                   sweeps};
-  VehicleStage vehicle{steady_motion(), motion};
+                   sweeps,
+                   latencies};
+  VehicleStage vehicle{steady_motion(), motion, false};
   MappingStage mapping{PipelineConfig{},
                        {.vehicle = {.wheelbase_m = 2.7, .track_m = 1.5, .steering_ratio = 15},
                         .lidar = mounting_from({0, 0, kEye_m}, 0, 0, 0),
@@ -134,8 +137,9 @@ struct Stages {
                        motion,
                        mapping_bell,
                        keyframes,
-                       poses};
-  OptimiserStage optimiser{PipelineConfig{}, keyframes, optimiser_bell, frames, {1, 0}};
+                       poses,
+                       latencies};
+  OptimiserStage optimiser{PipelineConfig{}, keyframes, optimiser_bell, frames, {1, 0}, latencies, stamps};
   std::stop_source stop;
 };
 
@@ -211,7 +215,8 @@ TEST(Stages, real_time_threads_do_not_allocate_once_warm) {
                          *built_in_calibration(LidarModel::vlp16),
                          {},
                          stages.counters,
-                         stages.sweeps};
+                         stages.sweeps,
+                         stages.latencies};
   const auto counted = [&](std::size_t thread, auto&& run) {
     counts[thread] = &test::allocation_count();
     run();
@@ -242,7 +247,8 @@ TEST(Stages, a_new_map_is_begun_in_the_middle_of_a_drive) {
                          *built_in_calibration(LidarModel::vlp16),
                          {},
                          stages.counters,
-                         stages.sweeps};
+                         stages.sweeps,
+                         stages.latencies};
   {
     const std::jthread optimiser([&] { stages.optimiser.run(stages.stop.get_token()); });
     const std::jthread mapping([&] { stages.mapping.run(stages.stop.get_token()); });
@@ -293,7 +299,18 @@ TEST(DurationHistogram, gives_percentiles_within_its_step) {
   EXPECT_NEAR(summary.p50_us, 500, 25);
   EXPECT_NEAR(summary.p99_us, 990, 45);
   EXPECT_EQ(summary.max_us, 1000);
+  EXPECT_EQ(summary.sum_us, 500'500);
   EXPECT_EQ(DurationHistogram{}.summary().count, 0U);
+}
+
+TEST(DurationHistogram, counts_exactly_what_took_at_most_a_power_of_two) {
+  DurationHistogram histogram;
+  for (const int us : {1, 1024, 1025, 2048, 8'388'608, 8'388'609}) histogram.add(std::chrono::microseconds(us));
+  const auto counts = histogram.at_most_counts();
+  EXPECT_EQ(counts.front(), 2U);
+  EXPECT_EQ(counts[1], 4U);
+  EXPECT_EQ(counts[2], 4U);
+  EXPECT_EQ(counts.back(), 5U);
 }
 
 }  // namespace

@@ -42,7 +42,7 @@ class MapStoreTest : public ::testing::Test {
   void wait_until(const char* what, const std::function<bool(const StoreReport&)>& happened) const {
     const auto end = std::chrono::steady_clock::now() + kLongest;
     while (!happened(store_->report())) {
-      ASSERT_LT(std::chrono::steady_clock::now(), end) << what << ": " << store_->report().state;
+      ASSERT_LT(std::chrono::steady_clock::now(), end) << what << ": " << store_->report().detail;
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
   }
@@ -52,7 +52,7 @@ class MapStoreTest : public ::testing::Test {
   }
   void wait_for_trouble(const std::string& words) const {
     wait_until(words.c_str(),
-               [&](const StoreReport& r) { return r.in_trouble && r.state.find(words) != std::string::npos; });
+               [&](const StoreReport& r) { return r.in_trouble && r.detail.find(words) != std::string::npos; });
   }
   /// The newest part that the file holds is the story's map.
   void expect_kept(std::size_t part_count) const {
@@ -417,7 +417,8 @@ TEST_F(MapStoreTest, a_damaged_file_is_set_aside_with_its_bytes_and_named) {
   wait_until_all_is_kept();
   expect_kept(1);
   EXPECT_EQ(store_->report().set_aside_count, 1U);
-  EXPECT_THAT(store_->report().state, HasSubstr("map-damaged-20"));
+  EXPECT_EQ(store_->report().state, "ok");
+  EXPECT_THAT(store_->report().detail, HasSubstr("map-damaged-20"));
   std::size_t found = 0;
   for (const auto& entry : std::filesystem::directory_iterator(directory_)) {
     if (!entry.path().filename().string().starts_with("map-damaged-")) continue;
