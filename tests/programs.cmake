@@ -14,7 +14,7 @@ if(NOT ROADVEC_FUZZ)
   endforeach()
   roadvec_programs_test(scenes_test PROCESSORS 2)
   # Alone: drives are played at their true rate, and loads are made on purpose.
-  foreach(name clients_test drive_test gps_test imu_test live_test resume_test service_test streamed_test)
+  foreach(name clients_test drive_test faults_test gps_test imu_test live_test resume_test service_test streamed_test)
     roadvec_programs_test(${name} FIXTURES_REQUIRED test_drive RUN_SERIAL ON)
   endforeach()
 endif()
