@@ -193,7 +193,7 @@ class FaultsTest(LiveDaemonTest):
 
     def storm_of_clients(self):
         follower = self.car.enter_context(running("roadvec", "--socket", self.socket, "watch", "--json", "--status"))
-        self.wait_until("the follower", lambda: self.stages()["server"]["gauges"]["clients"] > 1)
+        self.assertIn("snapshot", follower.stdout.readline())
         storm = []
         for _ in range(10):
             storm += [self.connection() for _ in range(20)]

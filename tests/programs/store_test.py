@@ -226,6 +226,8 @@ class StoreTest(LiveDaemonTest):
                 while True:
                     file.write(bytes(4096))
             full = self.wait_until_degraded("disk full", "full")
+            saved = run("roadvec", "control", "save", "--control-socket", self.folder / "control.sock", timeout_s=30)
+            self.assert_refused(saved, 1, "disk full: make room")
             self.assertEqual(self.rows(self.file, "PRAGMA integrity_check"), [("ok",)])
             ballast.unlink()
             self.wait_until_durable(full["head_seq"])

@@ -22,7 +22,8 @@ COMMANDS IN SHORT
   roadvec export geojson -o map.geojson
   roadvec export lanelet2 -o map.osm --map /var/lib/roadvec/map.gpkg
   roadvec render -o map.svg
-  sudo roadvec control save          wait until all changes so far are on disk
+  sudo roadvec control save          wait until all changes so far are on disk; status 1
+                                     at once while nothing can be written there
   sudo roadvec control new-map       let go of the map, which stays on disk, and begin an empty one
 
 EXIT STATUS

@@ -173,6 +173,71 @@ TEST_F(WhoMayConnect, a_save_is_answered_when_the_changes_so_far_are_on_disk) {
   EXPECT_TRUE(owner->receive_one<wire::Pong>(kPatience)) << "answered in order";
 }
 
+TEST_F(WhoMayConnect, a_save_is_refused_at_once_while_nothing_can_be_written) {
+  config_.facts.commands.cannot_save = [] { return std::string("disk full: make room"); };
+  start();
+  publish(10);
+  Expected<MapClient> owner = connect_as_owner();
+  ASSERT_TRUE(owner) << owner.error().message;
+  wire::MapReplica replica;
+  ASSERT_TRUE(owner->send(wire::Subscribe{}));
+  follow(*owner, replica, head_seq());
+  ASSERT_TRUE(owner->send(wire::Command{wire::Save{}, std::nullopt, std::nullopt}));
+  const auto result = owner->receive_one<wire::CommandResult>(kPatience);
+  ASSERT_TRUE(result) << result.error().message;
+  EXPECT_FALSE(result->done);
+  EXPECT_EQ(result->text, "disk full: make room");
+  durable_seq_ = head_seq();
+  ASSERT_TRUE(owner->send(wire::Command{wire::Save{}, std::nullopt, std::nullopt}));
+  EXPECT_TRUE(owner->receive_one<wire::CommandResult>(kPatience)->done) << "all was on disk before";
+}
+
+TEST_F(WhoMayConnect, who_is_dismissed_is_named_in_the_log_and_a_crowd_only_counted) {
+  config_.most_clients_per_user = 1;
+  std::vector<std::string> lines;
+  config_.log = [&lines](const std::string& line) { lines.push_back(line); };  // read after stop()
+  start();
+  MapClient first = connect();
+  for (int i = 0; i < 40; ++i) {
+    Expected<MapClient> refused = MapClient::open(config_.socket_path);
+    ASSERT_TRUE(refused);
+    EXPECT_EQ(farewell(*refused).reason, Reason::too_many_clients);
+  }
+  ASSERT_TRUE(first.send(wire::GetStatus{}));
+  while (true) {
+    const auto status = first.receive_one<wire::Status>(kPatience);
+    ASSERT_TRUE(status) << status.error().message;
+    if (status->state == "degraded" && status->stages.back().state == "crowded") break;
+    ASSERT_TRUE(first.send(wire::GetStatus{}));
+  }
+  stop();
+  ASSERT_GE(lines.size(), 5U);
+  EXPECT_LT(lines.size(), 40U);
+  const std::string whom = "client of uid " + std::to_string(::geteuid()) + ", pid " + std::to_string(::getpid());
+  EXPECT_EQ(lines[0], whom + " dismissed: at most 1 clients of one user");
+  EXPECT_NE(lines[4].find("only counted"), std::string::npos) << lines[4];
+}
+
+TEST_F(WhoMayConnect, what_a_follower_has_taken_is_told_once_and_what_nobody_follows_is_let_go) {
+  std::atomic<std::uint64_t> let_go{0}, taken{0};
+  config_.on_written = [&](std::uint64_t seq, bool by_somebody) { (by_somebody ? taken : let_go) = seq; };
+  start();
+  publish(10);
+  while (let_go < head_seq()) std::this_thread::yield();
+  EXPECT_EQ(taken, 0U);
+  MapClient follower = connect(), second = connect();
+  wire::MapReplica replica, other;
+  ASSERT_TRUE(follower.send(wire::Subscribe{}));
+  follow(follower, replica, head_seq());
+  ASSERT_TRUE(second.send(wire::Subscribe{}));
+  follow(second, other, head_seq());
+  const std::uint64_t before = let_go;
+  publish(10);
+  follow(follower, replica, head_seq());
+  while (taken < head_seq()) std::this_thread::yield();
+  EXPECT_EQ(let_go, before);
+}
+
 TEST_F(WhoMayConnect, a_new_map_is_announced_with_its_reason_and_begins_empty) {
   start();
   publish(30);
