@@ -53,13 +53,9 @@ void OptimiserStage::take(const Keyframe& keyframe, const std::stop_token& stop)
   taken_.add();
   note();
   latencies_.note(Station::optimised, received_ns);
-  std::uint64_t seq = publisher_.head().seq;
-  publish(change, stop);
-  if (seq < publisher_.head().seq) latencies_.note(Station::published, received_ns);
-  for (ChangeStamp* slot = nullptr; received_ns != 0 && seq < publisher_.head().seq; stamps_.publish()) {
-    if ((slot = stamps_.claim()) == nullptr) break;
-    *slot = {++seq, received_ns};
-  }
+  const std::uint64_t before = publisher_.head().seq;
+  publish(change, stop, received_ns);
+  if (before < publisher_.head().seq) latencies_.note(Station::published, received_ns);
   keyframe_times_.add(std::chrono::steady_clock::now() - begin);
 }
 
@@ -92,8 +88,15 @@ void OptimiserStage::note() {
   journal_->note(std::move(news));
 }
 
-void OptimiserStage::publish(const MapChange& change, const std::stop_token& stop) {
+void OptimiserStage::publish(const MapChange& change, const std::stop_token& stop, std::int64_t received_ns) {
+  std::uint64_t seq = publisher_.head().seq;
   publisher_.publish(change, back_end_->map(), [&](std::size_t bytes) {
+    // Before the frame, which the server may have written before we go on.
+    ++seq;
+    if (ChangeStamp* const slot = received_ns != 0 ? stamps_.claim() : nullptr; slot != nullptr) {
+      *slot = {seq, received_ns};
+      stamps_.publish();
+    }
     // The server's copy of the map and the store's must not miss a frame; clients have cursors. Both read in no time,
     // the store unless its disk hangs: the log holds minutes of the largest frames, hours of usual ones.
     while (!log_.has_room(bytes) && !stop.stop_requested()) std::this_thread::sleep_for(std::chrono::milliseconds(1));

@@ -50,7 +50,7 @@ class OptimiserStage {
   void forget_map(const std::stop_token& stop);
   void note();
   void take(const Keyframe& keyframe, const std::stop_token& stop);
-  void publish(const MapChange& change, const std::stop_token& stop);
+  void publish(const MapChange& change, const std::stop_token& stop, std::int64_t received_ns = 0);
 
   KeyframeChannel& keyframes_;
   Doorbell& bell_;

@@ -274,6 +274,44 @@ TEST(Stages, a_new_map_is_begun_in_the_middle_of_a_drive) {
   EXPECT_GE(back_end.trajectory().front().T_map_vehicle.x_m, 4.0) << "where the vehicle was, not at the origin";
 }
 
+TEST(Stages, motion_is_followed_for_as_long_as_the_lidar_is_silent) {
+  Doorbell mapping_bell, optimiser_bell;
+  SweepChannel sweeps{WhenFull::refuse, mapping_bell};
+  MotionChannel motion{WhenFull::refuse, mapping_bell};
+  KeyframeChannel keyframes{WhenFull::refuse, optimiser_bell};
+  Latest<PoseReport> poses;
+  Latencies latencies;
+  MappingStage mapping{PipelineConfig{},
+                       {.vehicle = {.wheelbase_m = 2.7, .track_m = 1.5, .steering_ratio = 15},
+                        .lidar = mounting_from({0, 0, kEye_m}, 0, 0, 0),
+                        .max_returns_per_sweep = 1000},
+                       sweeps,
+                       motion,
+                       mapping_bell,
+                       keyframes,
+                       poses,
+                       latencies};
+  std::stop_source stop;
+  const std::jthread thread([&] { mapping.run(stop.get_token()); });
+  Sweep& sweep = *sweeps.claim({});
+  sweep.start = {1'000'000'000};
+  sweep.end = {1'100'000'000};
+  sweeps.publish();
+  while (mapping.sweep_count().value() == 0) std::this_thread::yield();
+  const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  std::int64_t count = 0;
+  for (; count < 30'000 && std::chrono::steady_clock::now() < give_up; ++count) {  // 300 s at 100 Hz
+    MotionSample* slot = nullptr;
+    while ((slot = motion.claim({})) == nullptr && std::chrono::steady_clock::now() < give_up)
+      std::this_thread::yield();
+    if (slot == nullptr) break;
+    *slot = {{1'100'000'000 + count * 10'000'000}, WheelSpeed{5, 5, 5, 5}};
+    motion.publish();
+  }
+  stop.request_stop();
+  EXPECT_EQ(count, 30'000);
+}
+
 TEST(AllocationCount, counts) {
   const std::size_t before = test::allocation_count();
   const auto memory = std::make_unique<int>(1);
