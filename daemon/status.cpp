@@ -93,11 +93,7 @@ wire::Stage Daemon::optimiser_status() const {
     health = {"behind", "keyframes wait for it: the processor is too slow or too busy; the map is behind the car"};
   wire::Stage stage = stage_for("optimiser", kOptimiser, health);
   const BackEndReport& report = optimiser_report_.back_end;
-  if (report.recalled_keyframe_count > 0) {
-    stage.gauges = {{"recalled_keyframes", static_cast<double>(report.recalled_keyframe_count)},
-                    {"searched_m", report.searched_m}};
-    if (!report.found_itself) stage.detail = "has not found itself in the stored map yet";
-  }
+  if (health.ok() && !report.found_itself) stage.detail = "the vehicle has not found itself in the stored map yet";
   stage.counters = {{"keyframes", report.keyframe_count},
                     {"loop_attempts", report.loops.attempt_count},
                     {"loop_no_candidate", report.loops.no_candidate_count},
@@ -116,7 +112,11 @@ wire::Stage Daemon::optimiser_status() const {
                     {"map_lines", report.line_count},
                     {"map_vertices", report.vertex_count},
                     {"misses", optimiser_->misses().value()}};
-  stage.gauges.push_back({"waiting_keyframes", static_cast<double>(waiting_count)});
+  stage.gauges = {{"waiting_keyframes", static_cast<double>(waiting_count)}};
+  if (report.recalled_keyframe_count > 0) {
+    stage.gauges.push_back({"recalled_keyframes", static_cast<double>(report.recalled_keyframe_count)});
+    stage.gauges.push_back({"searched_m", report.searched_m});
+  }
   if (closure_count_ > 0) stage.gauges.push_back({"last_closure_age_s", now_s() - last_closure_s_});
   for (const Step step : {Step::close_loop, Step::optimise, Step::concatenate})
     add_timing(stage, optimiser_->timer(), step);

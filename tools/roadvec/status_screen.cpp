@@ -109,6 +109,11 @@ void add_map(const wire::Status& status, Screen& screen) {
   screen.line("{:<10}{} closed{}; {} attempts", "loops", status.loop_closure_count,
               closure_age_s ? ", the last " + duration(*closure_age_s) + " ago" : "",
               count(optimiser, "loop_attempts"));
+  if (const auto recalled = gauge(optimiser, "recalled_keyframes"); recalled && optimiser != nullptr) {
+    screen.line("{:<10}{:.0f} keyframes of earlier drives; {} after {:.0f} m", "stored", *recalled,
+                optimiser->detail.empty() ? "found itself" : "has not found itself",
+                gauge(optimiser, "searched_m").value_or(0));
+  }
   if (store != nullptr) {
     screen.line("{:<10}{:<13}change {} of {} on disk, {} and {} of log", "disk", store->state, status.durable_seq,
                 status.head_seq, bytes(gauge(store, "file_bytes").value_or(0)),
