@@ -15,13 +15,16 @@ constexpr double kFar = std::numeric_limits<double>::infinity();
 /// A beam in plan, from the grid's corner.
 struct Scenery::Line {
   std::array<double, 2> place_m, slope, inverse;
+  std::array<int, 2> ahead;  ///< 1 if it goes up the axis
 
   Line(const Beam& beam, const Eigen::Vector2d& corner_m) {
     for (std::size_t i = 0; i < 2; ++i) {
+      constexpr double kHardly = 1e-300;  // in place of 0, so that everything below stays finite
       const auto axis = static_cast<Eigen::Index>(i);
       place_m[i] = beam.origin_m[axis] - corner_m[axis];
-      slope[i] = beam.direction[axis];
+      slope[i] = beam.direction[axis] == 0 ? kHardly : beam.direction[axis];
       inverse[i] = 1 / slope[i];
+      ahead[i] = slope[i] > 0 ? 1 : 0;
     }
   }
 
@@ -29,10 +32,9 @@ struct Scenery::Line {
   [[nodiscard]] double enters_m(const std::array<double, 2>& size_m) const {
     double from_m = 0, to_m = kFar;
     for (std::size_t i = 0; i < 2; ++i) {
-      if (slope[i] == 0 && (place_m[i] < 0 || place_m[i] > size_m[i])) return kFar;
-      if (slope[i] == 0) continue;
-      from_m = std::max(from_m, ((slope[i] > 0 ? 0 : size_m[i]) - place_m[i]) * inverse[i]);
-      to_m = std::min(to_m, ((slope[i] > 0 ? size_m[i] : 0) - place_m[i]) * inverse[i]);
+      const double low_m = -place_m[i] * inverse[i], high_m = (size_m[i] - place_m[i]) * inverse[i];
+      from_m = std::max(from_m, std::min(low_m, high_m));
+      to_m = std::min(to_m, std::max(low_m, high_m));
     }
     return from_m <= to_m ? from_m : kFar;
   }
@@ -48,13 +50,12 @@ struct Scenery::Walk {
 
   /// From a range on, at which the beam is in columns and rows [low, high].
   Walk(const Line& line, double square_m, const std::array<int, 2>& low, const std::array<int, 2>& high, double start_m)
-      : from_m(start_m), step_x(line.slope[0] < 0 ? -1 : 1), step_y(line.slope[1] < 0 ? -1 : 1) {
+      : from_m(start_m), step_x(2 * line.ahead[0] - 1), step_y(2 * line.ahead[1] - 1) {
     const double per_m = 1 / square_m;
     const auto place = [&](std::size_t i, int& cell, double& next_m, double& width_m) {
       cell = std::clamp(static_cast<int>((line.place_m[i] + start_m * line.slope[i]) * per_m), low[i], high[i]);
-      const bool stays = line.slope[i] == 0;
-      width_m = stays ? kFar : square_m * std::abs(line.inverse[i]);
-      next_m = stays ? kFar : (square_m * (cell + (line.slope[i] > 0 ? 1 : 0)) - line.place_m[i]) * line.inverse[i];
+      width_m = square_m * std::abs(line.inverse[i]);
+      next_m = (square_m * (cell + line.ahead[i]) - line.place_m[i]) * line.inverse[i];
     };
     place(0, column, next_x_m, width_x_m);
     place(1, row, next_y_m, width_y_m);
@@ -97,13 +98,14 @@ void Scenery::meet_block(const Line& line, const Walk& block, double to_m, Cast&
   const std::size_t first = cell_index(low_x, low_y);
   const Level* const levels = levels_.data() + first;
   Walk walk(line, kCell_m, {low_x, low_y}, {low_x + kBlockCells - 1, low_y + kBlockCells - 1}, block.from_m);
+  walk.column -= low_x;
+  walk.row -= low_y;
   const double low_m = cast.low_m, sinks = cast.sinks;
   double height_m = low_m + walk.from_m * sinks, end_m = to_m;
   cast.low_step = -2;
   for (int step = 0; walk.from_m < end_m; walk.advance(), ++step) {
-    const int column = walk.column - low_x, row = walk.row - low_y;
-    if (((column | row) & ~(kBlockCells - 1)) != 0) return;
-    const auto index = static_cast<std::size_t>(row * kBlockCells + column);
+    if (((walk.column | walk.row) & ~(kBlockCells - 1)) != 0) return;
+    const auto index = static_cast<std::size_t>(walk.row * kBlockCells + walk.column);
     const double next_m = std::min(walk.next_m(), end_m), next_height_m = low_m + next_m * sinks;
     const double lowest_m = std::min(height_m, next_height_m);
     height_m = next_height_m;
@@ -113,7 +115,7 @@ void Scenery::meet_block(const Line& line, const Walk& block, double to_m, Cast&
     if (lowest_m <= levels[index].ground_m) {
       if (step != cast.low_step + 1) cast.followed = 0;
       cast.low_step = step;
-      const Eigen::Vector2d corner_m = corner_m_ + kCell_m * Eigen::Vector2d(walk.column, walk.row);
+      const Eigen::Vector2d corner_m = corner_m_ + kCell_m * Eigen::Vector2d(low_x + walk.column, low_y + walk.row);
       meet_low({here, corner_m, walk.from_m, next_m}, levels[index].ground_m, cast);
     }
     cast.find_end();
@@ -124,6 +126,7 @@ void Scenery::meet_block(const Line& line, const Walk& block, double to_m, Cast&
 void Scenery::meet_solids(const Cell& cell, Cast& cast) const {
   constexpr std::uint32_t kIndex = (1U << kKindShift) - 1;
   const auto meet_all = [&](const auto& thing) {
+    if (passes_by(thing, cast.beams.front(), cast.stray_m)) return;
     for (std::size_t k = 0; k < cast.beams.size(); ++k) {
       meet(thing, cast.beams[k], cast.from_m, cast.hits[k].range_m, cast.hits[k]);
     }

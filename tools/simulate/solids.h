@@ -1,7 +1,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 
@@ -69,6 +71,23 @@ struct Box {
   Material side = Material::car, roof = Material::car;
   std::array<std::int32_t, 4> faces{Hit::kOther, Hit::kOther, Hit::kOther, Hit::kOther};  ///< back, front, right, left
 };
+
+/// True only if no beam that stays within `stray_m` of this one can meet the thing: seen from above, it lies aside.
+[[nodiscard]] inline bool passes_by(const Face& face, const Beam& beam, double stray_m) {
+  const Eigen::Vector2d step = beam.direction.head<2>();
+  const double left_a = cross(step, face.a_m - beam.origin_m.head<2>());
+  const double left_b = cross(step, face.b_m - beam.origin_m.head<2>());
+  return std::min(left_a, left_b) > stray_m || std::max(left_a, left_b) < -stray_m;
+}
+[[nodiscard]] inline bool passes_by(const Pole& pole, const Beam& beam, double stray_m) {
+  return std::abs(cross(beam.direction.head<2>(), pole.centre_m - beam.origin_m.head<2>())) > pole.radius_m + stray_m;
+}
+[[nodiscard]] inline bool passes_by(const Box& box, const Beam& beam, double stray_m) {
+  const Eigen::Vector2d step = beam.direction.head<2>();
+  const double reach_m =
+      box.half_length_m * std::abs(cross(box.axis, step)) + box.half_width_m * std::abs(step.dot(box.axis));
+  return std::abs(cross(step, beam.origin_m.head<2>() - box.centre_m)) > reach_m + stray_m;
+}
 
 /// Sets `hit` if the beam meets the thing at a range in [from, to).
 bool meet(const Face& face, const Beam& beam, double from_m, double to_m, Hit& hit);
