@@ -3,7 +3,7 @@
 # and tests of the tools as they are shipped; unit and property tests of what runs in the car, and mutated input for every parser,
 # with sanitizers; lint.
 #
-#   tools/test.sh            all of that, in less than twenty minutes on two cores
+#   tools/test.sh            all of that, in twenty to thirty minutes on two cores
 #   tools/test.sh --quick    format, build, every test as shipped (no sanitizers, mutated input or lint)
 #   tools/test.sh --package  the Debian package in a fresh machine with systemd and vcan, from installing to purging (six minutes)
 #   tools/test.sh --long     the tools' tests with sanitizers too, libFuzzer on every parser, clang-tidy on every source file (an
