@@ -72,18 +72,16 @@ const std::vector<PoseEdge>& LoopCloser::run(const PoseGraph& graph, std::span<c
   ++report_.attempt_count;
   const Pose2& here = graph.poses_map[newest];
   const std::optional<std::size_t> candidate = nearest_candidate(graph, here, {first_candidate_, newest});
-  PoseCovariance covariance;
-  double radius_m = 0;
-  if (candidate) {
-    covariance = relative_covariance(graph, *candidate, newest);
-    radius_m = config_.radius_m + 3.0 * std::sqrt(std::max(0.0, covariance(0, 0) + covariance(1, 1)));
-  }
-  if (!candidate || (graph.poses_map[*candidate].translation() - here.translation()).norm() > radius_m) {
+  const Pose2 guess = candidate ? graph.poses_map[*candidate].inverse() * here : Pose2{};
+  const PoseCovariance covariance =
+      candidate ? relative_covariance(graph, *candidate, newest) : PoseCovariance(PoseCovariance::Zero());
+  const double radius_m = config_.radius_m + 3.0 * std::sqrt(std::max(0.0, covariance(0, 0) + covariance(1, 1)));
+  if (!candidate || guess.translation().norm() > radius_m) {
     ++report_.no_candidate_count;
     return confirmed_;
   }
   const std::optional<PoseEdge> edge =
-      match_with(*candidate, graph.poses_map[*candidate].inverse() * here, covariance,
+      match_with(*candidate, guess, covariance,
                  {config_.max_starts_per_side, config_.start_spacing_m, config_.min_overlap}, graph, keyframes);
   if (!edge) return confirmed_;
   std::erase_if(pending_,

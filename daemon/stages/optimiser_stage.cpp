@@ -67,6 +67,7 @@ void OptimiserStage::forget_map(const std::stop_token& stop) {
   for (const auto& [id, line] : back_end_->map()) change.removed.push_back(id);
   back_end_.emplace(config_, change.T_map_odom, timer_, next_keyframe_);
   noted_keyframe_count_ = noted_loop_count_ = 0;
+  has_noted_finding_ = false;
   if (journal_ != nullptr) journal_->begin_new_map();
   publish(change, stop);
 }
@@ -75,16 +76,20 @@ void OptimiserStage::forget_map(const std::stop_token& stop) {
 void OptimiserStage::note() {
   if (journal_ == nullptr) return;
   const PoseGraph& graph = back_end_->graph();
+  const BackEndReport& report = back_end_->report();
   JournalNews news;
+  news.found_itself = report.recalled_keyframe_count > 0 && report.found_itself;
+  news.recalled_all = news.found_itself && back_end_->has_recalled_all();
+  // The drive has moved to where it is.
+  if (news.found_itself && !has_noted_finding_) noted_keyframe_count_ = report.recalled_keyframe_count;
+  has_noted_finding_ = news.found_itself;
   for (std::size_t& k = noted_keyframe_count_; k < graph.poses_map.size(); ++k) {
-    news.keyframes.push_back({back_end_->keyframes()[k], k == 0 ? PoseEdge{} : graph.odometry[k - 1],
+    news.keyframes.push_back({k, back_end_->keyframes()[k], k == 0 ? PoseEdge{} : graph.odometry[k - 1],
                               graph.travelled_m[k], graph.poses_map[k]});
   }
   for (; noted_loop_count_ < graph.loops.size(); ++noted_loop_count_) {
     news.loops.push_back(graph.loops[noted_loop_count_].edge);
   }
-  news.found_itself = back_end_->report().recalled_keyframe_count > 0 && back_end_->report().found_itself;
-  news.recalled_all = news.found_itself && back_end_->has_recalled_all();
   journal_->note(std::move(news));
 }
 

@@ -61,6 +61,7 @@ class OptimiserStage {
   std::optional<BackEnd> back_end_;
   std::uint64_t next_keyframe_ = 0;
   std::size_t noted_keyframe_count_ = 0, noted_loop_count_ = 0;  ///< in the journal
+  bool has_noted_finding_ = false;
   SensorTime newest_;
   MapPublisher publisher_;
   Latest<OptimiserReport> reports_;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstdint>
 #include <deque>
 #include <iterator>
 #include <mutex>
@@ -12,8 +13,9 @@
 
 namespace roadvec {
 
-/// A keyframe as a later drive needs it.
+/// A keyframe as a later drive needs it. Noted again it takes the place of what was noted before.
 struct JournalKeyframe {
+  std::uint64_t number = 0;  ///< 0, 1, 2, ... in the graph, those of earlier drives first
   KeptKeyframe kept;
   PoseEdge step;  ///< from the keyframe before it
   double travelled_m = 0;

@@ -74,16 +74,17 @@ bool read_keyframe(const Statement& row, Recollection& to) {
 
 Stored<void> write_drive(const Database& database, std::int64_t part, const DriveRows& rows) {
   Stored<Statement> keyframe = database.prepare(
-      "INSERT INTO x_keyframes VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (part, keyframe) DO NOTHING");
+      "INSERT INTO x_keyframes VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (part, keyframe) DO UPDATE SET "
+      "x_m = excluded.x_m, y_m = excluded.y_m, heading_rad = excluded.heading_rad, step = excluded.step");
   if (!keyframe) return tl::unexpected<StoreError>(keyframe.error());
-  auto number = static_cast<std::int64_t>(rows.first_keyframe);
   for (const JournalKeyframe& row : rows.keyframes) {
     const EdgeBytes step = bytes_of(row.step);
     const std::vector<std::uint8_t> lvm = row.kept.lvm.bytes(), structure = row.kept.structure.bytes();
     const Pose2& pose = row.T_map_vehicle;
     using Bytes = std::span<const std::uint8_t>;
-    if (Stored<void> done = keyframe->execute(part, number++, row.kept.time.ns, pose.x_m, pose.y_m, pose.theta_rad,
-                                              row.travelled_m, Bytes(step), Bytes(lvm), Bytes(structure));
+    if (Stored<void> done =
+            keyframe->execute(part, static_cast<std::int64_t>(row.number), row.kept.time.ns, pose.x_m, pose.y_m,
+                              pose.theta_rad, row.travelled_m, Bytes(step), Bytes(lvm), Bytes(structure));
         !done) {
       return done;
     }

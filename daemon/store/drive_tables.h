@@ -13,12 +13,11 @@ namespace roadvec {
 /// What a map was made from, as far as it is not in the file yet.
 struct DriveRows {
   std::span<const JournalKeyframe> keyframes;
-  std::uint64_t first_keyframe = 0;  ///< number of keyframes.front()
   std::span<const PoseEdge> loops;
   [[nodiscard]] bool empty() const { return keyframes.empty() && loops.empty(); }
 };
 
-/// Tables x_keyframes and x_loops. Keyframes that are there already are left as they are: nothing in them changes.
+/// Tables x_keyframes and x_loops. Of keyframes that are there already only the poses change.
 [[nodiscard]] Stored<void> write_drive(const Database& database, std::int64_t part, const DriveRows& rows);
 
 /// The keyframes of these parts as one drive, and where they were when they came; empty when there are none. Fails with

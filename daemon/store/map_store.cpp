@@ -9,6 +9,8 @@
 #include <iterator>
 #include <system_error>
 
+#include "core/base/ensure.h"
+
 namespace roadvec {
 namespace {
 
@@ -85,12 +87,13 @@ MapStore::MapStore(const MapStoreConfig& config, FrameLog& log, DriveJournal& jo
     const Recollection& drive = config.earlier->drive;
     const PoseGraph& graph = drive.graph;
     for (std::size_t k = 0; k < drive.keyframes.size(); ++k) {
-      keyframes_.push_back(
-          {drive.keyframes[k], k == 0 ? PoseEdge{} : graph.odometry[k - 1], graph.travelled_m[k], graph.poses_map[k]});
+      keyframes_.push_back({k, drive.keyframes[k], k == 0 ? PoseEdge{} : graph.odometry[k - 1], graph.travelled_m[k],
+                            graph.poses_map[k]});
     }
     for (const LoopEdge& loop : graph.loops) loops_.push_back(loop.edge);
     earlier_keyframe_count_ = keyframes_.size();
     earlier_loop_count_ = loops_.size();
+    config_.earlier->drive = {};
   }
   report_.detail = "opening " + path_.string();
 }
@@ -134,7 +137,13 @@ bool MapStore::take_new() {
 }
 
 void MapStore::take(JournalNews news) {
-  std::ranges::move(news.keyframes, std::back_inserter(keyframes_));
+  for (JournalKeyframe& keyframe : news.keyframes) {
+    const std::size_t number = keyframe.number;
+    ENSURE(number <= keyframes_.size());
+    if (number == keyframes_.size()) keyframes_.emplace_back();
+    keyframes_[number] = std::move(keyframe);
+    written_keyframe_count_ = std::min(written_keyframe_count_, number);
+  }
   std::ranges::move(news.loops, std::back_inserter(loops_));
   found_itself_ = found_itself_ || news.found_itself;
   recalled_all_ = recalled_all_ || news.recalled_all;
@@ -221,7 +230,6 @@ void MapStore::write(bool finished) {
   part.finished = finished;
   part.continues = found_itself_ && has_earlier_ ? config_.earlier->part.number : 0;
   const DriveRows drive{.keyframes = std::span(keyframes_).subspan(written_keyframe_count_),
-                        .first_keyframe = written_keyframe_count_,
                         .loops = std::span(loops_).subspan(written_loop_count_)};
   const Stored<void> written = file_->write(part, copy_.map(), copy_.changed(), drive);
   if (!written) return meet(written.error());

@@ -1,8 +1,11 @@
 """A start of the daemon goes on with the map that an earlier one left on the disk."""
 
 import contextlib
+import itertools
+import math
 import pathlib
 import sqlite3
+import struct
 import tempfile
 import unittest
 
@@ -55,6 +58,13 @@ class ResumeTest(LiveDaemonTest):
         with contextlib.closing(sqlite3.connect(f"file:{self.file}?mode=ro", uri=True)) as database:
             return database.execute("SELECT count(*) FROM parts WHERE let_go").fetchone()[0]
 
+    def steps_of_part(self, part):
+        """Between neighbouring keyframes: how far their poses are apart, and how far odometry says that they are."""
+        with contextlib.closing(sqlite3.connect(f"file:{self.file}?mode=ro", uri=True)) as database:
+            rows = database.execute("SELECT x_m, y_m, step FROM x_keyframes WHERE part = ? ORDER BY keyframe", (part,)).fetchall()
+        self.assertGreater(len(rows), 10)
+        return [(math.dist(a[:2], b[:2]), math.hypot(*struct.unpack_from("<2d", b[2]))) for a, b in itertools.pairwise(rows)]
+
     def parts(self):
         """Of each: its number, the one it continues, lines, and keyframes of its own."""
         with contextlib.closing(sqlite3.connect(f"file:{self.file}?mode=ro", uri=True)) as database:
@@ -79,6 +89,8 @@ class ResumeTest(LiveDaemonTest):
         self.assertEqual([part[2] for part in parts], [0, second["line_count"]])
         self.assertEqual(optimiser_of(second)["detail"], "", second)
         self.assertEqual(optimiser_of(second)["gauges"]["recalled_keyframes"], parts[0][3])
+        for apart_m, step_m in self.steps_of_part(2):
+            self.assertLess(abs(apart_m - step_m), 1, "no jump where it found itself: 3 m")
         # The second pass sees a bit more of the road; a second map of it would be twice as long.
         self.assertLess(second["map_length_m"], 1.2 * first["map_length_m"])
         self.assertGreater(second["map_length_m"], 0.95 * first["map_length_m"])

@@ -65,6 +65,16 @@ class WhoMayConnect : public MapSocket {
   [[nodiscard]] Expected<MapClient> connect_as_owner() {
     return MapClient::connect(config_.control_path, "test", kPatience);
   }
+  /// Ten changes, and an owner who has them all.
+  void start_with_a_following_owner() {
+    start();
+    publish(10);
+    Expected<MapClient> connected = connect_as_owner();
+    ASSERT_TRUE(connected) << connected.error().message;
+    owner_.emplace(std::move(*connected));
+    ASSERT_TRUE(owner_->send(wire::Subscribe{}));
+    follow(*owner_, replica_, head_seq());
+  }
   [[nodiscard]] static wire::Error error_in_place_of_answer(MapClient& client) {
     while (true) {
       const auto message = client.receive(kPatience);
@@ -91,6 +101,8 @@ class WhoMayConnect : public MapSocket {
 
   std::atomic<std::uint64_t> durable_seq_{0};
   std::atomic<bool> new_map_wanted_{false};
+  std::optional<MapClient> owner_;
+  wire::MapReplica replica_;
 };
 
 TEST_F(WhoMayConnect, one_users_clients_are_limited_and_told_so) {
@@ -152,44 +164,32 @@ TEST_F(WhoMayConnect, a_command_on_the_map_socket_is_refused) {
 }
 
 TEST_F(WhoMayConnect, a_save_is_answered_when_the_changes_so_far_are_on_disk) {
-  start();
-  publish(10);
-  Expected<MapClient> owner = connect_as_owner();
-  ASSERT_TRUE(owner) << owner.error().message;
-  wire::MapReplica replica;
-  ASSERT_TRUE(owner->send(wire::Subscribe{}));
-  follow(*owner, replica, head_seq());
-  ASSERT_TRUE(owner->send(wire::Command{wire::Save{}, std::nullopt, std::nullopt}));
-  ASSERT_TRUE(owner->send(wire::Ping{1}));
+  start_with_a_following_owner();
+  ASSERT_TRUE(owner_->send(wire::Command{wire::Save{}, std::nullopt, std::nullopt}));
+  ASSERT_TRUE(owner_->send(wire::Ping{1}));
   durable_seq_ = 9;
   publish(5);
-  follow(*owner, replica, head_seq());  // changes come meanwhile
-  EXPECT_FALSE(owner->receive_one<wire::CommandResult>(MapClient::Seconds(0.1)));
+  follow(*owner_, replica_, head_seq());  // changes come meanwhile
+  EXPECT_FALSE(owner_->receive_one<wire::CommandResult>(MapClient::Seconds(0.1)));
   durable_seq_ = head_seq();
-  const auto result = owner->receive_one<wire::CommandResult>(kPatience);
+  const auto result = owner_->receive_one<wire::CommandResult>(kPatience);
   ASSERT_TRUE(result) << result.error().message;
   EXPECT_TRUE(result->done);
   EXPECT_EQ(result->durable_seq, head_seq());
-  EXPECT_TRUE(owner->receive_one<wire::Pong>(kPatience)) << "answered in order";
+  EXPECT_TRUE(owner_->receive_one<wire::Pong>(kPatience)) << "answered in order";
 }
 
 TEST_F(WhoMayConnect, a_save_is_refused_at_once_while_nothing_can_be_written) {
   config_.facts.commands.cannot_save = [] { return std::string("disk full: make room"); };
-  start();
-  publish(10);
-  Expected<MapClient> owner = connect_as_owner();
-  ASSERT_TRUE(owner) << owner.error().message;
-  wire::MapReplica replica;
-  ASSERT_TRUE(owner->send(wire::Subscribe{}));
-  follow(*owner, replica, head_seq());
-  ASSERT_TRUE(owner->send(wire::Command{wire::Save{}, std::nullopt, std::nullopt}));
-  const auto result = owner->receive_one<wire::CommandResult>(kPatience);
+  start_with_a_following_owner();
+  ASSERT_TRUE(owner_->send(wire::Command{wire::Save{}, std::nullopt, std::nullopt}));
+  const auto result = owner_->receive_one<wire::CommandResult>(kPatience);
   ASSERT_TRUE(result) << result.error().message;
   EXPECT_FALSE(result->done);
   EXPECT_EQ(result->text, "disk full: make room");
   durable_seq_ = head_seq();
-  ASSERT_TRUE(owner->send(wire::Command{wire::Save{}, std::nullopt, std::nullopt}));
-  EXPECT_TRUE(owner->receive_one<wire::CommandResult>(kPatience)->done) << "all was on disk before";
+  ASSERT_TRUE(owner_->send(wire::Command{wire::Save{}, std::nullopt, std::nullopt}));
+  EXPECT_TRUE(owner_->receive_one<wire::CommandResult>(kPatience)->done) << "all was on disk before";
 }
 
 TEST_F(WhoMayConnect, who_is_dismissed_is_named_in_the_log_and_a_crowd_only_counted) {

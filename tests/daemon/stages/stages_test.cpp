@@ -111,6 +111,12 @@ std::vector<std::unique_ptr<MotionInput>> steady_motion() {
   return inputs;
 }
 
+FrontEndSetup front_end_setup() {
+  return {.vehicle = {.wheelbase_m = 2.7, .track_m = 1.5, .steering_ratio = 15},
+          .lidar = mounting_from({0, 0, kEye_m}, 0, 0, 0),
+          .max_returns_per_sweep = max_returns_per_sweep(LidarModel::vlp16)};
+}
+
 struct Stages {
   Doorbell mapping_bell, optimiser_bell;
   SweepChannel sweeps{WhenFull::wait, mapping_bell};
@@ -129,16 +135,7 @@ struct Stages {
                    sweeps,
                    latencies};
   VehicleStage vehicle{steady_motion(), motion, false};
-  MappingStage mapping{PipelineConfig{},
-                       {.vehicle = {.wheelbase_m = 2.7, .track_m = 1.5, .steering_ratio = 15},
-                        .lidar = mounting_from({0, 0, kEye_m}, 0, 0, 0),
-                        .max_returns_per_sweep = max_returns_per_sweep(LidarModel::vlp16)},
-                       sweeps,
-                       motion,
-                       mapping_bell,
-                       keyframes,
-                       poses,
-                       latencies};
+  MappingStage mapping{PipelineConfig{}, front_end_setup(), sweeps, motion, mapping_bell, keyframes, poses, latencies};
   OptimiserStage optimiser{PipelineConfig{}, keyframes, optimiser_bell, frames, {1, 0}, latencies, stamps};
   std::stop_source stop;
 };
@@ -281,16 +278,7 @@ TEST(Stages, motion_is_followed_for_as_long_as_the_lidar_is_silent) {
   KeyframeChannel keyframes{WhenFull::refuse, optimiser_bell};
   Latest<PoseReport> poses;
   Latencies latencies;
-  MappingStage mapping{PipelineConfig{},
-                       {.vehicle = {.wheelbase_m = 2.7, .track_m = 1.5, .steering_ratio = 15},
-                        .lidar = mounting_from({0, 0, kEye_m}, 0, 0, 0),
-                        .max_returns_per_sweep = 1000},
-                       sweeps,
-                       motion,
-                       mapping_bell,
-                       keyframes,
-                       poses,
-                       latencies};
+  MappingStage mapping{PipelineConfig{}, front_end_setup(), sweeps, motion, mapping_bell, keyframes, poses, latencies};
   std::stop_source stop;
   const std::jthread thread([&] { mapping.run(stop.get_token()); });
   Sweep& sweep = *sweeps.claim({});
